@@ -51,6 +51,17 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
     return array
 
 
+def positive(value: Any, name: str, unit: str = "") -> float:
+    """Return a positive, finite number; InputError with its name and unit if it is none."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {value!r} is not a number") from None
+    if not 0.0 < number < np.inf:
+        raise InputError(f"{name}: must be positive and finite, found {f'{number:g} {unit}'.strip()}")
+    return number
+
+
 def generator(seed: int | np.random.Generator) -> np.random.Generator:
     """Return the random generator of a seed, a whole number from 0 on."""
     try:

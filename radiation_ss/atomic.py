@@ -6,7 +6,6 @@ import contextlib
 import os
 import secrets
 import shutil
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -93,40 +92,29 @@ def made_folder(path: str | Path) -> Path:
 
 
 @contextmanager
-def new_folder(path: Path, beside: Path) -> Iterator[Path]:
-    """Give a folder below `beside` to write to; after the block it becomes `path`, unless that is there already."""
-    place = made_folder(made_folder(beside) / f".{secrets.token_hex(6)}")
-    try:
-        yield place
-        made_folder(path.parent)
-        with _named(path):
-            try:
-                os.rename(place, path)
-            except OSError:
-                if not path.is_dir():
-                    raise
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
+def folder_written_whole(path: str | Path, beside: str | Path | None = None) -> Iterator[Path]:
+    """Give a folder to write to, below `beside`; after the block it becomes `path`, after an error nothing does.
 
-
-@contextmanager
-def folder_written_whole(path: str | Path) -> Iterator[Path]:
-    """Give a folder to write to; after the block its content goes into `path`, after an error nothing does.
-
-    Other files in `path` stay. Where the system has locks, two processes do not mix their files.
+    Where `path` is there already its content goes in, and other files stay; where the system has locks, two processes
+    do not mix their files. `beside`: the folder that holds `path`, if absent.
     """
     folder = Path(path)
     with _named(path, "no folder can be made there"):
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        place = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=folder.parent))
+        place = Path(beside or folder.parent) / f".{folder.name[:40]}.{secrets.token_hex(6)}"
+        place.mkdir(parents=True)
     try:
         with _named(path):
             yield place
-            with _locked(made_folder(folder)):
-                for item in place.iterdir():
-                    if item.is_dir():
-                        shutil.rmtree(folder / item.name, ignore_errors=True)
-                    os.replace(item, folder / item.name)
+            made_folder(folder.parent)
+            if not folder.exists():
+                with contextlib.suppress(OSError):      # another process made it in the meantime
+                    os.rename(place, folder)
+            if place.exists():
+                with _locked(made_folder(folder)):
+                    for item in place.iterdir():
+                        if item.is_dir():
+                            shutil.rmtree(folder / item.name, ignore_errors=True)
+                        os.replace(item, folder / item.name)
     except InputError as error:         # of a file in the place that is gone by then
         raise InputError(str(error).replace(str(place), str(folder))) from error
     finally:

@@ -31,6 +31,7 @@ LATER = {
     "RadiationFit.plot_path": "report.plots:plot_path",
     "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
     "Model.__str__": "body.dynamics:text",
+    "Model.from_hydro": "body.dynamics:from_hydro",
     "Model.to_ss": "body.composite:cummins",
     "Model.plot": "report.plots:plot_model",
     "Model.write": "body.convert:write_model",

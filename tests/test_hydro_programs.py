@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import radiation_ss as rss
-from radiation_ss.hydro import read_mat
+from radiation_ss.reading import read_mat
 
 RIGID = np.block([[5e5 * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.diag([1e6, 2e6, 3e6]) + 1e5]])
 

@@ -126,17 +126,13 @@ def happen(body: Body, plan: Plan, hidden: Sequence[Hidden] = (), dt: float | No
 def with_linear(body: Body, hidden: Sequence[Hidden]) -> Body:
     """Return the body with the causes that change its own inertia or memory."""
     for item in hidden:
-        size = item.strength * item.parameters[0]
-        d = item.dof
+        size, here = item.strength * item.parameters[0], np.diag(np.eye(len(body.dofs))[item.dof])
         if item.cause == "added_inertia":
-            body = replace(body, M=body.M + size * np.outer(np.eye(len(body.dofs))[d], np.eye(len(body.dofs))[d]))
+            body = replace(body, M=body.M + size * here)
         if item.cause == "coupling_inertia":
-            swap = np.array([[0.0, 1.0], [1.0, 0.0]])
-            body = replace(body, M=body.M + size * np.sqrt(body.M[0, 0] * body.M[1, 1]) * swap)
+            body = replace(body, M=body.M + size * np.sqrt(body.M[0, 0] * body.M[1, 1]) * np.fliplr(np.eye(2)))
         if item.cause == "radiation_damping":
-            factor = np.ones((len(body.dofs),) * 2)
-            factor[d, d] = 1.0 + size
-            body = replace(body, modes=tuple(replace(mode, R=mode.R * factor) for mode in body.modes))
+            body = replace(body, modes=tuple(replace(mode, R=mode.R * (1.0 + size * here)) for mode in body.modes))
     return body
 
 

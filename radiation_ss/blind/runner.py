@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.atomic import made_folder, new_folder, write_first, write_whole
+from radiation_ss.atomic import folder_written_whole, made_folder, write_first, write_whole
 from radiation_ss.blind.cases import Case, make, schedule
 from radiation_ss.blind.causes import ALL
 from radiation_ss.blind.seal import MANIFEST, Sealed, seal_of, sealed_folder, write_seal
@@ -99,10 +99,10 @@ def _seed_of(path: Path, seed: int | None, asked: dict[str, Any]) -> int:
 
 def _write_case(case: Case, place: Path, hidden: Path, label: dict[str, Any]) -> None:
     """Write one case, each of its folders whole: first what is sealed, then what is given away."""
-    with new_folder(hidden, hidden.parent) as beside:
+    with folder_written_whole(hidden) as beside:
         write_record(case.unseen, beside / "unseen.csv")
         write_whole(beside / LABEL, json.dumps(label))
-    with new_folder(place, place.parents[1]) as beside:
+    with folder_written_whole(place, place.parents[1]) as beside:
         write_hydro(case.data, beside / "MODEL.nc")
         for record in case.records:
             write_record(record, beside / f"{record.name}.csv")

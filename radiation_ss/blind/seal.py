@@ -65,19 +65,16 @@ def read_case(folder: Path, label: dict[str, Any]) -> Scored:
 
 
 def _scored(folder: Path, label: dict[str, Any], answer: dict[str, Any], verdict: dict[str, Any]) -> Scored:
-    names = tuple(effect["name"] for effect in verdict["effects"])
-    alone = names if verdict["status"] == "effect" else ()
-    within = tuple(dict.fromkeys([*names, *flat(verdict["indistinguishable"])]))
-    if verdict["status"] in ("no_gap", "unknown_effect"):
-        within = ()
+    names, status = tuple(effect["name"] for effect in verdict["effects"]), verdict["status"]
+    held = () if status in ("no_gap", "unknown_effect") else (*names, *flat(verdict["indistinguishable"]))
     measured = read_record(sealed_folder(folder) / label["case"] / "unseen.csv")
     shown = read_record(folder / "cases" / label["case"] / "unseen.csv")
-    found = dict(answer.get("predictions", {}))
-    if (folder / "oracle" / f"{label['case']}.json").is_file():
-        told = read_json(folder / "oracle" / f"{label['case']}.json", "answer of a blind run", dict)
-        found |= {"oracle": told["oracle"]} if "oracle" in told else {}
+    found, told = dict(answer.get("predictions", {})), folder / "oracle" / f"{label['case']}.json"
+    if told.is_file() and "oracle" in (content := read_json(told, "answer of a blind run", dict)):
+        found["oracle"] = content["oracle"]
     gaps = {name: unseen_gap(measured, shown, np.array(rows)) for name, rows in found.items()}
-    return Scored(label, verdict, verdict["status"], alone, within, gaps, float(answer["seconds"]))
+    return Scored(label, verdict, status, names if status == "effect" else (), tuple(dict.fromkeys(held)), gaps,
+                  float(answer["seconds"]))
 
 
 def unseen_gap(measured: Record, shown: Record, predicted: np.ndarray) -> float:

@@ -43,16 +43,13 @@ def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run], spread: fl
 
     The diagnosis does not know the start: its relative spread is `spread`.
     """
-    bodies, n, dt = [], len(body.dofs), float(calm[0].time[1])
-    for i in range(n):
-        for name in ("M", "C"):
-            value = getattr(body, name).copy()
-            value[i, i] *= 1.0 + TOLERANCE
-            bodies.append(replace(body, **{name: value}))
-    bodies.append(replace(body, modes=tuple(replace(m, R=m.R * (1.0 + TOLERANCE)) for m in body.modes)))
-    bodies.append(replace(body, modes=tuple(replace(m, c0=m.c0 * (1.0 + TOLERANCE)) for m in body.modes)))
+    n, dt, more = len(body.dofs), float(calm[0].time[1]), 1.0 + TOLERANCE
+    at = [1.0 + TOLERANCE * np.diag(row) for row in np.eye(n)]
+    bodies = [replace(body, **{name: getattr(body, name) * at[i]}) for i in range(n) for name in ("M", "C")]
+    bodies.append(replace(body, modes=tuple(replace(m, R=m.R * more) for m in body.modes)))
+    bodies.append(replace(body, modes=tuple(replace(m, c0=m.c0 * more) for m in body.modes)))
     if any(test.height > 0.0 for test in tests):
-        bodies.append(replace(body, gain=body.gain * (1.0 + TOLERANCE)))
+        bodies.append(replace(body, gain=body.gain * more))
     columns = [stacked([happen(other, test, dt=dt) for test in tests], calm, tests) for other in bodies]
     for k, test in enumerate(tests):
         for i in range(n):
@@ -140,9 +137,7 @@ def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float,
     columns = retunings(body, tests, calm) if names else np.zeros((1, 1))
     found, gaps = [], []
     for name in names:
-        dof = int(rng.integers(len(body.dofs)))
-        if CAUSES[name].law in ("clip", "soft_clip"):
-            dof = 0
+        dof = int(rng.integers(len(body.dofs))) * (CAUSES[name].law not in ("clip", "soft_clip"))
         item = draw(name, dof, typical(calm, body, dof), rng)
         relative = within(item, body)
         if relative and rng.random() < 0.5:

@@ -82,10 +82,7 @@ def carry_out_one(folder: Path, task: str, tolerance: float) -> str:
     made_folder(out.parent)
     result: dict[str, Any] = {}
     try:
-        if told:
-            status = tell(case, out, told, tolerance, result)
-        else:
-            status = answer(case, out.parent, tolerance, result)
+        status = diagnosed(case, out, told, tolerance, result)
     except Exception as error:  # a diagnosis of any kind may fail; the other cases of the run have to go on
         status = result["error"] = f"{type(error).__name__}: {error}"
     write_whole(out, json.dumps(result))
@@ -98,35 +95,30 @@ def result_file(folder: Path, task: str) -> Path:
     return folder / "oracle" / f"{name}.json" if told else folder / "answers" / name / "answer.json"
 
 
-def answer(case: Path, out: Path, tolerance: float, result: dict[str, Any]) -> str:
-    """Diagnose a case; put predictions and processor seconds into the result; return the verdict's status."""
+def diagnosed(case: Path, out: Path, told: str, tolerance: float, result: dict[str, Any]) -> str:
+    """Diagnose a case, maybe told its effect's name, put predictions and seconds into the result; return a status.
+
+    The report and the corrected model are written beside `out`.
+    """
     import radiation_ss as rss
 
     model = rss.read_model(case / "MODEL.nc")
+    records = [read_record(path) for path in sorted(case.glob("*.csv")) if path.name != "unseen.csv"]
+    known: dict[str, Any] = {"effects": [told], "present": [told]} if told else {}
     began = time.process_time()
-    diagnosis = rss.diagnose(model, records_of(case), tolerance=tolerance, seed=0)
-    result["seconds"] = time.process_time() - began
+    diagnosis = rss.diagnose(model, records, tolerance=tolerance, seed=0, **known)
+    if not told:
+        result["seconds"] = time.process_time() - began
+    corrected = out.with_name(f"{case.name}-corrected.json" if told else "corrected.json")
+    diagnosis.corrected.write(corrected)
+    found = predictions(model, corrected, read_record(case / "unseen.csv"))
+    if told:
+        result["oracle"] = found["corrected"]
+        return f"told {told}"
     report = diagnosis.to_dict()
-    write_whole(out / "report.json", json.dumps(report))
-    diagnosis.corrected.write(out / "corrected.json")
-    result["predictions"] = predictions(model, out / "corrected.json", read_record(case / "unseen.csv"))
+    write_whole(out.with_name("report.json"), json.dumps(report))
+    result["predictions"] = found
     return str(report["verdict"]["status"])
-
-
-def tell(case: Path, out: Path, name: str, tolerance: float, result: dict[str, Any]) -> str:
-    """Diagnose a case told the name of its effect; put the prediction of the unseen test into the result."""
-    import radiation_ss as rss
-
-    model, corrected = rss.read_model(case / "MODEL.nc"), out.with_name(f"{case.name}-corrected.json")
-    told = rss.diagnose(model, records_of(case), [name], present=[name], tolerance=tolerance)
-    told.corrected.write(corrected)
-    result["oracle"] = predictions(model, corrected, read_record(case / "unseen.csv"))["corrected"]
-    return f"told {name}"
-
-
-def records_of(case: Path) -> list[Record]:
-    """Return the records of a case, without the unseen test."""
-    return [read_record(path) for path in sorted(case.glob("*.csv")) if path.name != "unseen.csv"]
 
 
 def predictions(model: Model, corrected: Path, unseen: Record) -> dict[str, list[list[float]]]:

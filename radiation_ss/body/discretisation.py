@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import Matrices
@@ -88,10 +88,8 @@ class Sampled(Brief):
     @property
     def bandwidth(self) -> float:
         """Frequency up to which the error stays below 1 % [rad/s]; 0 if nowhere."""
-        bad = np.flatnonzero(self.error > 0.01)
-        if bad.size == 0:
-            return float(self.omega[-1])
-        return float(self.omega[bad[0] - 1]) if bad[0] > 0 else 0.0
+        good = np.logical_and.accumulate(self.error <= 0.01)
+        return float(self.omega[good].max(initial=0.0))
 
     def error_at(self, omega: float) -> float:
         """Return the relative error of the frequency response at a frequency [rad/s]."""
@@ -160,8 +158,7 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     """
     from scipy.signal import cont2discrete
 
-    if not (dt > 0.0 and np.isfinite(dt)):
-        raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+    dt = positive(dt, "dt", "s")
     if method not in METHODS:
         raise InputError(f"method: {method!r} is unknown; use one of {', '.join(METHODS)}")
     system: ct.StateSpace = (cummins(plant) if isinstance(plant, Model)
@@ -176,7 +173,11 @@ def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str 
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
     if band is None:
         band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
-    rows = power_rows(plant, system)
+    rows = None     # outputs whose product with the inputs is power; none where they do not pair up
+    if isinstance(plant, Model):
+        rows = slice(plant.n, 2 * plant.n)
+    elif system.noutputs == system.ninputs:
+        rows = slice(0, system.ninputs)
     passivity = None if rows is None else (hermitian_floor(exact[:, rows]), hermitian_floor(found[:, rows]))
     stable = bool(np.all(poles.real < -1e-9 * np.abs(poles).max()))
     return Sampled(*discrete, dt=float(dt), method=method, omega=omega, error=relative_error(exact, found),
@@ -206,13 +207,6 @@ def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
         most = (size / scale).max(axis=axis, keepdims=True)
         scale = scale * np.where(most > 0.0, most, 1.0)
     return np.linalg.norm((found - exact) / scale, 2, axis=(1, 2)) / np.linalg.norm(exact / scale, 2, axis=(1, 2))
-
-
-def power_rows(plant: Model | RadiationFit | ct.StateSpace, system: ct.StateSpace) -> slice | None:
-    """Return the outputs whose product with the inputs is power; None where they do not pair up."""
-    if isinstance(plant, Model):
-        return slice(plant.n, 2 * plant.n)
-    return slice(0, system.ninputs) if system.noutputs == system.ninputs else None
 
 
 def hermitian_floor(K: ComplexArray) -> float:

@@ -1,10 +1,12 @@
-"""Dynamics of a linear body: natural modes and the model as text; exact steps from sample to sample, and back."""
+"""Dynamics of a linear body: natural modes, the radiation model that they need; exact steps, and back; the text."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm, logm
@@ -12,9 +14,10 @@ from scipy.optimize import linear_sum_assignment
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import RIGID, force_unit, mode, motion_unit
-from radiation_ss.hydro.measures import statically_unstable
+from radiation_ss.errors import InputError, InputWarning, SolverError
+from radiation_ss.fit.result import RadiationFit
+from radiation_ss.hydro.data import RIGID, HydroData, force_unit, mode, motion_unit
+from radiation_ss.hydro.measures import inertia_not_symmetric, statically_unstable, unstable_text
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -82,17 +85,15 @@ def _undo_hold(system: Matrices, dt: float, linear: bool) -> Matrices:
     if not np.isfinite(a).all():
         return a, B, C, D
     _, held, after = hold_matrices(a, np.eye(len(A)), dt)
-    if not linear:
-        return a, np.asarray(np.linalg.solve(held, B)), C, D
+    after = linear * after
     b = np.asarray(np.linalg.solve(held - after + A @ after, B))
     return a, b, C, D - C @ after @ b
 
 
 UNDO: dict[str, Callable[[Matrices, float], Matrices]] = {
-    "zoh": lambda system, dt: _undo_hold(system, dt, False), "foh": lambda system, dt: _undo_hold(system, dt, True),
-    "tustin": lambda system, dt: _undo_weighted(system, dt, 0.5),
-    "euler": lambda system, dt: _undo_weighted(system, dt, 0.0),
-    "backward_diff": lambda system, dt: _undo_weighted(system, dt, 1.0)}
+    "zoh": partial(_undo_hold, linear=False), "foh": partial(_undo_hold, linear=True),
+    "tustin": partial(_undo_weighted, weight=0.5), "euler": partial(_undo_weighted, weight=0.0),
+    "backward_diff": partial(_undo_weighted, weight=1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,3 +166,86 @@ def text(model: Model, most: int = 6) -> str:
         said = ", ".join(f"{name} {100.0 * value:.4g} %" for name, value in model.tolerance.items())
         lines.append(f"  tolerance: {said}")
     return "\n".join(lines)
+
+
+def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | None, order: int | None,
+               accuracy: float | None, options: dict[str, object]) -> Model:
+    """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`."""
+    if dofs is None and fit is not None:
+        dofs = fit.dofs
+    if dofs is not None:
+        data = data.select(dofs)
+    data = data.with_A_inf()
+    for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness")):
+        if getattr(data, name) is None:
+            raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
+    if fit is None:
+        fit = fit_for_motion(data, order, accuracy, options)
+    elif data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
+        warnings.warn(InputWarning(f"{data.source or 'data'}: {skew}"), stacklevel=3)
+    assert data.M is not None and data.C is not None and data.A_inf is not None
+    if loose := statically_unstable(data.M, data.C, data.dofs):
+        warnings.warn(InputWarning(f"{data.source or 'data'}: {unstable_text(loose)}; check the centre of gravity, "
+                                   "or add what restores it: model.attached(stiffness={...})"), stacklevel=3)
+    return Model(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
+               hydro=data, name=Path(data.source).stem or "body")
+
+
+def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, options: dict[str, object],
+                   least: float = 0.02, dearest: float = 1.5) -> RadiationFit:
+    """Return a fit of data with M, C and A_inf.
+
+    With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. Where the fit
+    misses more than the share `least` of the inertia's impedance at a natural frequency, it is made again, exact there,
+    unless that costs `dearest` times the relative error: what is small beside the largest K may be large for a slow
+    motion.
+    """
+    from radiation_ss.fit.radiation import fit_radiation
+
+    orders = (order,) if order is not None else (None, 4, 6, 8)
+
+    def best(points: object, orders: tuple[int | None, ...], enough: float | None) -> RadiationFit:
+        fit = fit_radiation(data, orders[0], points=points, **options)  # type: ignore[arg-type]
+        for finer in orders[1:]:
+            if enough is None or (fit.relative_error or 0.0) <= enough:
+                break
+            if finer is not None and finer > fit.order:
+                trial = fit_radiation(data, finer, points=points, **options)  # type: ignore[arg-type]
+                fit = min(fit, trial, key=lambda one: one.relative_error or 0.0)
+        return fit
+
+    given = options.pop("points", None)
+    fit = best(given, orders, accuracy)
+    missed = missed_swings(data, fit, least)
+    if given is not None or not missed:
+        return fit
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", InputWarning)  # that the points cost accuracy elsewhere is weighed here
+            exact = best(missed, orders if order is not None else (fit.order, 8), 0.0)
+    except (InputError, SolverError):
+        return fit
+    if not exact.relative_error <= max(dearest * fit.relative_error, least):
+        return fit
+    where = ", ".join(f"{omega:.3g}" for omega in missed)
+    return replace(exact, notes=(*exact.notes, f"made exact at the natural frequency, {where} rad/s: the closest fit "
+                                 f"misses more than {least:.0%} of what the motion feels there"))
+
+
+def missed_swings(data: HydroData, fit: RadiationFit, least: float) -> list[float]:
+    """Return the natural frequencies [rad/s] at which a motion of its own feels another impedance than the file's.
+
+    The natural frequency is the first of the file's beyond which the inertia outweighs the stiffness; a motion without
+    stiffness has none.
+    """
+    assert data.M is not None and data.C is not None
+    found = set()
+    for i in range(data.n):
+        inertia = data.M[i, i] + data.A[:, i, i]
+        beyond = np.flatnonzero(data.omega**2 * inertia > data.C[i, i])
+        if data.C[i, i] > 0.0 and beyond.size:
+            omega = float(data.omega[beyond[0]])
+            off = fit.frequency_response(np.array([omega]))[0, i, i] - data.K[beyond[0], i, i]
+            if abs(off) > least * omega * inertia[beyond[0]]:
+                found.add(omega)
+    return sorted(found)

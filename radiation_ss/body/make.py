@@ -97,8 +97,7 @@ def _inputs(radiation: Any, section: Any, length: float | None, depth: float, nu
     if section is not None:
         if radiation is not None or length is None:
             raise InputError("section: needs the length of the body [m], and no other radiation")
-        p = particulars({"dof": SECTION_MODES, **numbers})
-        return _of_section(p, section, length, depth)
+        return _of_section(particulars({"dof": SECTION_MODES, **numbers}), section, length, depth)
     if length is not None:
         raise InputError("length: belongs to a section; give its offsets too")
     if radiation is None:
@@ -152,18 +151,14 @@ def _matrices(p: Particulars, data: HydroData | None, fit: RadiationFit | None) 
             raise InputError(f"{name}: with radiation and several degrees of freedom it does not say one number; leave "
                              "it out, or make a model of one degree of freedom")
     A_inf = _known(data.A_inf if data is not None else fit.A_inf, "added mass at infinite frequency (A_inf)")
-    if p.mass is None:
-        M = _known(None if data is None else data.M, "mass")
-    else:
-        M = _inertia_matrix(p, data)
+    M = _known(getattr(data, "M", None), "mass") if p.mass is None else _inertia_matrix(p, data)
     given = [p.stiffness(dof) for dof in p.dof]
     C = np.array(data.C) if data is not None and data.C is not None else np.diag(
         [_stiffness(value, dof) for value, dof in zip(given, p.dof)])
     for i, value in enumerate(given):
         if value is not None:
             C[i, i] = value
-    D = data.D if data is not None and data.D is not None else np.zeros_like(C)
-    return M, A_inf, C, D
+    return M, A_inf, C, data.D if data is not None and data.D is not None else np.zeros_like(C)
 
 
 def _inertia_matrix(p: Particulars, data: HydroData | None) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
-from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro import velocity_transform
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.measures import inertia_not_symmetric, statically_unstable, unstable_text
-from radiation_ss.methods import Shown, later
+from radiation_ss.methods import Shown, function_of, later
 
 if TYPE_CHECKING:
     import control as ct
@@ -113,26 +111,7 @@ class Model(Shown):
         >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
         3
         """
-        if dofs is None and fit is not None:
-            dofs = fit.dofs
-        if dofs is not None:
-            data = data.select(dofs)
-        data = data.with_A_inf()
-        for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness")):
-            if getattr(data, name) is None:
-                raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
-        if fit is None:
-            from radiation_ss.body.memory import fit_for_motion
-
-            fit = fit_for_motion(data, order, accuracy, fit_options)
-        elif data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
-            warnings.warn(InputWarning(f"{data.source or 'data'}: {skew}"), stacklevel=2)
-        assert data.M is not None and data.C is not None and data.A_inf is not None
-        if loose := statically_unstable(data.M, data.C, data.dofs):
-            warnings.warn(InputWarning(f"{data.source or 'data'}: {unstable_text(loose)}; check the centre of gravity, "
-                                       "or add what restores it: model.attached(stiffness={...})"), stacklevel=2)
-        return cls(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
-                   hydro=data, name=Path(data.source).stem or "body")
+        return function_of(cls, "from_hydro")(data, fit, dofs, order, accuracy, fit_options)
 
     @property
     def n(self) -> int:

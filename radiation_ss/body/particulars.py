@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode
 
@@ -78,8 +78,7 @@ class Particulars:
                 self._check(name, value)
 
     def _check(self, name: str, value: Any) -> None:
-        items = value.items() if isinstance(value, Mapping) else [("", value)]
-        for dof, number in items:
+        for dof, number in value.items() if isinstance(value, Mapping) else [("", value)]:
             at = f"{name} of {dof}" if dof else name
             if dof and dof not in self.dof:
                 raise InputError(f"{at}: not among the degrees of freedom {', '.join(self.dof)}")
@@ -87,9 +86,8 @@ class Particulars:
                 number = float(number)
             except (TypeError, ValueError):
                 raise InputError(f"{at}: {number!r} is not a number") from None
-            low = -np.inf if name in ("GM", "C") else 0.0
-            if not np.isfinite(number) or number < low or (number == 0.0 and name not in ("C", "damping_ratio",
-                                                                                          "added_mass", "GM")):
+            possible = {"GM": True, "C": True, "damping_ratio": number >= 0.0, "added_mass": number >= 0.0}
+            if not np.isfinite(number) or not possible.get(name, number > 0.0):
                 raise InputError(f"{at}: {number:g}; a positive number is needed (SI: kg, m, s)")
             if name == "damping_ratio" and number >= 1.0:
                 raise InputError(f"{at}: {number:g}; a share of critical damping below 1 is needed (0.05 is 5 %)")
@@ -97,15 +95,15 @@ class Particulars:
     def of(self, name: str, dof: str) -> float | None:
         """Return one number of a degree of freedom; None where it is not given or means nothing there."""
         value = getattr(self, name)
-        if isinstance(value, Mapping):
-            found = value.get(dof)
+        if value is None or isinstance(value, Mapping):
+            found = (value or {}).get(dof)
             return None if found is None else float(found)
         concerned = [d for d in self.dof if (mode(d) in RESTORED if name == "GM" else
                                              self.turns(d) if name == "gyradius" else True)]
-        if value is None or dof not in concerned:
-            if value is not None and not concerned:
-                means = RESTORED if name == "GM" else ROTATIONS
-                raise InputError(f"{name}: means nothing for {', '.join(self.dof)}; it belongs to {' or '.join(means)}")
+        if not concerned:
+            means = RESTORED if name == "GM" else ROTATIONS
+            raise InputError(f"{name}: means nothing for {', '.join(self.dof)}; it belongs to {' or '.join(means)}")
+        if dof not in concerned:
             return None
         if len(concerned) > 1 and name not in ("mass", "gyradius"):
             example = ", ".join(f"{d!r}: ..." for d in concerned)
@@ -260,8 +258,7 @@ def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: Arr
     >>> rss.mass_matrix(10.0, (0.0, 0.0, 0.2), gyradii=(0.3, 0.5, 0.5), dofs=("Sway", "Roll")).round(3).tolist()
     [[10.0, -2.0], [-2.0, 1.3]]
     """
-    if not (mass > 0.0 and np.isfinite(mass)):
-        raise InputError(f"mass: {mass:g} kg; a positive mass is needed")
+    mass = positive(mass, "mass", "kg")
     unknown = [dof for dof in dofs if mode(dof) not in RIGID]
     if unknown or len({body(dof) for dof in dofs}) > 1:
         raise InputError(f"dofs: {list(dofs)} must be rigid modes of one body ({', '.join(RIGID)})")

@@ -89,7 +89,6 @@ def parser() -> argparse.ArgumentParser:
     demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder to write (default: demo)")
     seed_argument(demo)
     add_hydro_verbs(verb)
-    add_model_verb(verb)
     add_record_verbs(verb)
     add_diagnosis_verbs(verb)
     add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
@@ -102,7 +101,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_hydro_verbs(verb: Maker) -> None:
-    """Add the verbs that work on hydrodynamic data."""
+    """Add the verbs that work on hydrodynamic data, and the one that makes a model from a few numbers."""
     check = verb("check", verbs.check, "quality of hydrodynamic data",
                  "Negative or indefinite damping, asymmetry, Kramers-Kronig residual, outliers, tail, missing A_inf.",
                  HYDRO)
@@ -126,9 +125,6 @@ def add_hydro_verbs(verb: Maker) -> None:
     audit.add_argument("radiation_model", type=Path, metavar="MODEL",
                        help="the radiation model to score: FIT.json, OpenFAST .ss, BEMIO .h5 or .mat")
 
-
-def add_model_verb(verb: Maker) -> None:
-    """Add the verb that makes a model from a few numbers."""
     model = verb("model", verbs.model, "a model from what a decay or an inclining test gives",
                  "Mass, stiffness, period and damping ratio of one degree of freedom, or a section's offsets with the\n"
                  "length of the body. Writes MODEL.nc and prints the model.", HYDRO)

@@ -54,11 +54,6 @@ def log_to_stderr(args: argparse.Namespace) -> Iterator[None]:
         LOG.setLevel(before)
 
 
-def complain(text: object) -> None:
-    """Say why the program stops."""
-    LOG.error("%s", text)
-
-
 def note(text: object) -> None:
     """Say what a reader of the result should know."""
     LOG.log(NOTE, "%s", text)
@@ -141,27 +136,22 @@ def log_stages(what: str) -> Tell:
 
 def failed(error: BaseException, interrupted: bool) -> int:
     """Say why a verb stopped, in one line; return the exit status."""
+    status, text = 2 if isinstance(error, (InputError, OSError)) else 1, str(error)
     if interrupted or isinstance(error, KeyboardInterrupt):
-        complain("interrupted; every output is as it was, or whole")
-        return INTERRUPTED
-    if not isinstance(error, Exception):
+        status, text = INTERRUPTED, "interrupted; every output is as it was, or whole"
+    elif not isinstance(error, Exception):
         raise error
-    if isinstance(error, BrokenPipeError):  # who reads the output, `head` say, has enough
+    elif isinstance(error, BrokenPipeError):  # who reads the output, `head` say, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
-    if isinstance(error, OSError) and error.strerror:
-        complain(f"{str(error.filename or '')[:300]}: {error.strerror}")
-        return 2
-    if isinstance(error, (InputError, OSError)):
-        complain(error)
-        return 2
-    if isinstance(error, RadiationError):
-        complain(error)
-        return 1
-    at = traceback.extract_tb(error.__traceback__)[-1]
-    complain(f"internal error: {type(error).__name__}: {error} ({Path(at.filename).name}, line {at.lineno}); "
-             "please report it with the command")
-    return 1
+    elif isinstance(error, OSError) and error.strerror:
+        text = f"{str(error.filename or '')[:300]}: {error.strerror}"
+    elif not isinstance(error, (RadiationError, OSError)):
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        text = (f"internal error: {type(error).__name__}: {error} ({Path(at.filename).name}, line {at.lineno}); "
+                "please report it with the command")
+    LOG.error("%s", text)
+    return status
 
 
 class Interrupted(KeyboardInterrupt):

@@ -55,10 +55,9 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     else:
         if not periods.size and args.duration is None:
             raise InputError("simulate: this model does not oscillate; give --duration")
-        usual = 20.0 * float(periods.max()) if periods.size else 0.0
-        duration = lasting(args.duration, usual, 0.0)
+        duration = lasting(args.duration, 20.0 * float(periods.max(initial=0.0)), 0.0)
         dt = min([duration, *periods]) / 60.0
-        lasting(duration, usual, dt)
+        lasting(duration, 0.0, dt)
         time = dt * np.arange(int(np.ceil(duration / dt)) + 1)
         force, start = np.zeros((model.n, time.size)), release(args.decay, model, units)
     outputs = rss.simulate(model, (time, force), actives, start=start).outputs

@@ -122,17 +122,16 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     Y = X[:, active] / size[active]
     peak = omega[int(np.argmax(np.abs(Y).sum(axis=1)))]
     leads = 2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None else [lead]
-    best: tuple[float, float, FloatArray, FloatArray, FloatArray] | None = None
-    for tc in leads:
+
+    def fitted(tc: float) -> ExcitationFit:
         ahead = Y * np.exp(-1j * omega * tc)[:, None]
-        a, b, c = _vector_fit(omega, ahead, states, passes)
-        error = float(np.linalg.norm(frequency_response(a, b, c, omega)[:, :, 0] - ahead) / np.linalg.norm(Y))
-        if best is None or error < best[0]:
-            best = error, float(tc), a, b, c
-    assert best is not None
-    c = np.zeros((data.n, states))
-    c[active] = size[active, None] * best[4]
-    return ExcitationFit(data.dofs, best[2], best[3], c, best[1], float(direction), best[0])
+        a, b, scaled = _vector_fit(omega, ahead, states, passes)
+        error = float(np.linalg.norm(frequency_response(a, b, scaled, omega)[:, :, 0] - ahead) / np.linalg.norm(Y))
+        c = np.zeros((data.n, states))
+        c[active] = size[active, None] * scaled
+        return ExcitationFit(data.dofs, a, b, c, float(tc), float(direction), error)
+
+    return min(map(fitted, leads), key=lambda fit: fit.relative_error)
 
 
 def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
@@ -154,9 +153,8 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
         d = least_squares(stacked[:, :-1], stacked[:, -1])
         roots = np.linalg.eigvals(a - b @ d[None, :])
         roots = -np.abs(roots.real) - 1e-6 * omega[-1] + 1j * roots.imag
-        pairs = roots[roots.imag > 1e-9 * omega[-1]]
-        alone = np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real)
-        poles, real = pairs, alone
+        poles, real = (roots[roots.imag > 1e-9 * omega[-1]],
+                       np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real))
     a, b = _modal(poles, real)
     basis = frequency_response(a, b, np.eye(states), omega)[:, :, 0]
     return a, b, np.stack([least_squares(basis, y) for y in Y.T])

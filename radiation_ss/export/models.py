@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import write_rows, write_whole
@@ -16,10 +15,9 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
-from radiation_ss.hydro.readers.assemble import six_dofs, six_places
-from radiation_ss.hydro.readers.mss import MSS_AXES, read_mat
+from radiation_ss.hydro.readers.assemble import MSS_AXES, six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, texts, whole_number
+from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, read_mat, texts, whole_number
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -30,13 +28,9 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
     b[:, places], c[places] = fit.b, -fit.c
     owned = np.bincount(np.abs(c).argmax(axis=0), minlength=n)
     lines = ["radiation_ss: state-space radiation model, y = C x is the force on the body",
-             f"{_row(np.ones(n))}    %Enabled DoFs", f"{N}    %Radiation states",
-             f"{_row(owned)}    %Radiation states per DoF"]
+             f"{' '.join('1' * n)}    %Enabled DoFs", f"{N}    %Radiation states",
+             f"{' '.join(map(str, owned))}    %Radiation states per DoF"]
     write_rows(path, lines, (fit.a, b, c))
-
-
-def _row(values: ArrayLike) -> str:
-    return " ".join(str(int(value)) for value in np.asarray(values))
 
 
 def read_openfast(path: Path) -> RadiationFit:
@@ -64,15 +58,8 @@ def read_openfast(path: Path) -> RadiationFit:
                         method=f"read from {path.name}")
 
 
+Parts = dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]]  # a, b, c by row and column
 STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
-
-
-def _entry(fit: RadiationFit, i: int, j: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Return the smallest realisation of one entry, or None where it is zero."""
-    if not np.any(fit.b[:, j]) or not np.any(fit.c[i]):
-        return None
-    a, b, c = minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
-    return (a, b, c) if a.size else None
 
 
 def write_bemio(fit: RadiationFit, path: Path) -> None:
@@ -82,8 +69,8 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     places, bodies = six_places(fit.dofs, path)
     rho = 1000.0 if fit.data is None else fit.data.rho
     n = 6 * len(bodies)
-    entries = {(places[i], places[j]): part for i in range(len(places)) for j in range(len(places))
-               if (part := _entry(fit, i, j)) is not None}
+    entries = {(at, to): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
+               for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
     most = max(part[0].shape[0] for part in entries.values())
     # In memory, for on a disk that is full the HDF5 library ends the process.
     raw = BytesIO(path.read_bytes() if path.exists() else b"")
@@ -132,8 +119,8 @@ def read_bemio(path: Path) -> RadiationFit:
         if not groups:
             raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
         rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
-        bodies = [hdf5_text(file, f"{g}/properties/name") or g for g in groups]
-        parts, rows, columns = [], [], []
+        names = six_dofs([hdf5_text(file, f"{g}/properties/name") or g for g in groups])
+        parts: Parts = {}
         for k, g in enumerate(groups):
             A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
             if it.shape != (6, 6 * len(groups)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
@@ -141,14 +128,16 @@ def read_bemio(path: Path) -> RadiationFit:
                                  f"{6 * len(groups)} entries are needed, at most {A.shape[-1]} each")
             for i, j in zip(*np.nonzero(it)):
                 states = int(it[i, j])
-                parts.append((A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
-                              rho * C[i, j].reshape(1, -1)[:, :states]))
-                rows.append([6 * k + int(i)])
-                columns.append([int(j)])
-    names = six_dofs(bodies)
-    a, b, c = side_by_side(parts, rows, columns, len(names))
-    return RadiationFit(tuple(names), a, b, c, order=max(part[0].shape[0] for part in parts),
-                        method=f"read from {path.name}")
+                parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
+                                                 rho * C[i, j].reshape(1, -1)[:, :states])
+    return _joined(names, parts, path.name)
+
+
+def _joined(dofs: Sequence[str], parts: Parts, name: str) -> RadiationFit:
+    """Return the model of one subsystem for each entry."""
+    a, b, c = side_by_side(list(parts.values()), [[i] for i, _ in parts], [[j] for _, j in parts], len(dofs))
+    return RadiationFit(tuple(dofs), a, b, c, order=max(part[0].shape[0] for part in parts.values()),
+                        method=f"read from {name}")
 
 
 def _numbers(file: Any, name: str) -> FloatArray:
@@ -201,14 +190,6 @@ def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> Radiatio
     keys = [key for key in arrays if key.startswith("Ar_")]
     if not keys:
         raise InputError(f"{name}: no radiation model; A, B, C and dofs, or MSS's Ar_ij, Br_ij, Cr_ij are needed")
-    parts, rows, columns = [], [], []
-    for key in keys:
-        i, j = int(key[3]) - 1, int(key[-1]) - 1
-        a = np.atleast_2d(np.asarray(arrays[key], dtype=float))
-        parts.append((a, np.reshape(arrays[f"Br_{key[3:]}"], (-1, 1)).astype(float),
-                      np.reshape(arrays[f"Cr_{key[3:]}"], (1, -1)).astype(float)))
-        rows.append([i])
-        columns.append([j])
-    a, b, c = side_by_side(parts, rows, columns, 6)
-    return RadiationFit(RIGID, a, b, c, order=max(part[0].shape[0] for part in parts),
-                        method=f"read from {name}")
+    return _joined(RIGID, {(int(key[3]) - 1, int(key[-1]) - 1): (
+        np.atleast_2d(np.asarray(arrays[key], dtype=float)), np.reshape(arrays[f"Br_{key[3:]}"], (-1, 1)).astype(float),
+        np.reshape(arrays[f"Cr_{key[3:]}"], (1, -1)).astype(float)) for key in keys}, name)

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
@@ -105,9 +105,8 @@ def _fmpy_headers() -> Path | None:
 def described(model: Model, effects: Iterable[Any], start: FloatArray | None = None) -> ca.DaeBuilder:
     """Return the model with effects as a CasADi DaeBuilder with scalar variables."""
     states, inputs, outputs = signals_of(model, effects)
-    values = np.zeros(len(states)) if start is None else np.asarray(start, dtype=float)
-    if values.shape != (len(states),):
-        raise InputError(f"start: shape {values.shape} found; {len(states)} states: {', '.join(states)}")
+    n = len(states)
+    values = read_only(np.zeros(n) if start is None else start, f"states {', '.join(states)}; start", (n,))
     builder = ca.DaeBuilder("radiation_ss")
     time = builder.add("time", "independent")
     x = [builder.add(f"state.{name}") for name in states]
@@ -215,8 +214,7 @@ def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
     names, rate = ["t", "x", "u"], state_equations(model, effects)
     functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
     if dt is not None:
-        if not 0.0 < dt < np.inf:
-            raise InputError(f"dt: {dt!r} s; a positive time step is needed")
+        dt = positive(dt, "dt", "s")
         (t, x, u), (_, y) = _symbols(rate)
         parts = max(1, int(np.ceil(dt * np.abs(np.linalg.eigvals(model.matrices()[0])).max() / turn)))
         h, after = dt / parts, x

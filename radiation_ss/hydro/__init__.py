@@ -5,7 +5,6 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "clean": "velocity_transform",
     "findings": "Finding QualityReport",
-    "readers.mss": "read_mat",
     "section.green": "wave_number",
     "section.offsets": "points_section read_section",
     "section.shapes": "box_section circle_section",

@@ -8,14 +8,13 @@ from dataclasses import fields
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import MATRICES, ROTATIONS, TRANSLATIONS, HydroData, body, mode
-from radiation_ss.hydro.measures import bands, damping_scale, mass_scale, narrow_features, percent, said
+from radiation_ss.hydro.measures import bands, damping_scale, percent, roughness, said, scaled
 from radiation_ss.hydro.transforms import estimate_A_inf
 
 log = logging.getLogger("radiation_ss")
-_UNIT = {name: np.eye(3)[i] for i, name in enumerate(("Roll", "Pitch", "Yaw"))}
 
 
 def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Sequence[tuple[float, float]] = (),
@@ -86,31 +85,21 @@ def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
 
 
 def _without_spikes(data: HydroData, tolerance: float) -> HydroData:
-    scale, silent = damping_scale(data)
-    other = mass_scale(data, silent)
-    rough = np.maximum(narrow_features(data.omega, data.B / scale[:, None] / scale),
-                       narrow_features(data.omega, data.A / other[:, None] / other)).max(axis=(1, 2))
+    rough = roughness(data).max(axis=(1, 2))
     return _keep(data, rough <= tolerance, f"that leave their neighbours by up to {percent(rough.max())}")
 
 
 def _symmetric(data: HydroData) -> HydroData:
     """Average with the transpose."""
-    changes: dict[str, object] = {}
+    changes: dict[str, FloatArray] = {}
     told = []
     for name in ("A", "B", "A_inf", "A_zero"):
-        value = getattr(data, name)
-        if value is None:
-            continue
-        changes[name] = 0.5 * (value + np.swapaxes(value, -1, -2))
-        told.append(f"{name} by up to {percent(_relative(data, changes[name] - value, name))}")  # type: ignore[operator]
+        if (value := getattr(data, name)) is not None:
+            changes[name] = 0.5 * (value + np.swapaxes(value, -1, -2))
+            size = np.abs(np.diagonal(value, axis1=-2, axis2=-1)).reshape(-1, data.n).max(axis=0)
+            change = scaled(changes[name] - value, np.sqrt(np.where(size > 0.0, size, np.inf)))
+            told.append(f"{name} by up to {percent(np.abs(change).max())}")
     return _noted(data, f"made symmetric: {', '.join(told)} of the largest on the diagonal", **changes)
-
-
-def _relative(data: HydroData, change: FloatArray, name: str) -> float:
-    """Return the largest change, each entry relative to the geometric mean of its diagonal entries' largest values."""
-    size = np.abs(np.diagonal(getattr(data, name), axis1=-2, axis2=-1)).reshape(-1, data.n).max(axis=0)
-    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
-    return float(np.abs(change / scale[:, None] / scale).max())
 
 
 def _passive(data: HydroData) -> HydroData:
@@ -136,11 +125,10 @@ def _passive(data: HydroData) -> HydroData:
 
 def _implied_A_inf(data: HydroData) -> HydroData:
     found = estimate_A_inf(data.omega, data.A, data.B)
-    if data.A_inf is None:
-        change = "there was none before"
-    else:
-        each = (found.value - data.A_inf).diagonal() / np.where(data.A_inf.diagonal() == 0.0, np.inf,
-                                                                data.A_inf.diagonal())
+    change = "there was none before"
+    if data.A_inf is not None:
+        before = data.A_inf.diagonal()
+        each = (found.value - data.A_inf).diagonal() / np.where(before == 0.0, np.inf, before)
         change = "changed by " + ", ".join(f"{dof} {percent(v)}" for dof, v in zip(data.dofs, each))
     return _noted(data, f"A_inf estimated by Kramers-Kronig; {change}", A_inf=found.value)
 
@@ -155,10 +143,7 @@ def at(data: HydroData, reference_point: Sequence[float]) -> HydroData:
     the same for each. InputError if the point is not three finite numbers, a mode is no rigid-body mode, or a
     translation is missing that a rotation about the new point brings in.
     """
-    point = np.asarray(reference_point, dtype=float)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise InputError("reference_point: three finite coordinates (x, y, z) in metres needed, "
-                         f"found {reference_point}")
+    point = read_only(reference_point, "reference_point, three finite coordinates (x, y, z) [m]", (3,))
     if not np.isfinite(data.reference_point).all():
         raise InputError(f"{data.source or 'data'}: its own reference point is not known (or each body has its own); "
                          "set it with data.replace(reference_point=(x, y, z)) if you know it")
@@ -174,10 +159,11 @@ def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
             continue
         if mode(dof) not in ROTATIONS:
             raise InputError(f"degree of freedom {dof!r}: only the six rigid-body modes can be moved to another point")
-        for name, value in zip(TRANSLATIONS, np.cross(_UNIT[mode(dof)], arm)):
+        turning = np.eye(3)[ROTATIONS.index(mode(dof))]
+        for name, value in zip(TRANSLATIONS, np.cross(turning, arm)):
+            partner = f"{body(dof)}__{name}" if body(dof) else name
             if value == 0.0:
                 continue
-            partner = f"{body(dof)}__{name}" if body(dof) else name
             if partner not in dofs:
                 raise InputError(f"reference_point: {dof!r} about the new point brings in {partner!r}, which the data "
                                  f"{list(dofs)} do not hold")

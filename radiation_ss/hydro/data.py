@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, reached, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, positive, reached, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, later
 
@@ -125,8 +125,8 @@ class HydroData(Shown):
         omega = read_only(self.omega, "omega", (None,))
         if omega.size == 0 or omega[0] <= 0.0:
             raise InputError("omega: must be positive frequencies in rad/s (limits go into A_zero and A_inf)")
-        if np.any(np.diff(omega) <= 0.0):
-            at = int(np.flatnonzero(np.diff(omega) <= 0.0)[0]) + 1
+        if (late := np.flatnonzero(np.diff(omega) <= 0.0)).size:
+            at = int(late[0]) + 1
             raise InputError(f"omega: must ascend without repeats, but omega[{at}] = {omega[at]:g} rad/s "
                              f"follows {omega[at - 1]:g} rad/s")
         nw = omega.size
@@ -138,11 +138,9 @@ class HydroData(Shown):
             fixed["X"] = X = read_only(self.X, "X", (nw, None, n), dtype=complex)
             directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
             fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
-        for name in ("rho", "g", "depth"):
-            value = float(getattr(self, name))
-            if not value > 0.0 or (name != "depth" and not np.isfinite(value)):
-                raise InputError(f"{name}: must be positive, found {value:g}")
-            fixed[name] = value
+        for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
+            value = getattr(self, name)
+            fixed[name] = np.inf if name == "depth" and value == np.inf else positive(value, name, unit)
         fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
@@ -204,8 +202,7 @@ class HydroData(Shown):
         >>> data.times(2.0).A_inf
         array([[6.]])
         """
-        if not 0.0 < length < np.inf:
-            raise InputError(f"length: must be positive and in metres, found {length:g}")
+        length = positive(length, "length", "m")
         return self.mapped(lambda matrix: matrix * length, lambda X: X * length)
 
     def mapped(self, matrix: Callable[[FloatArray], FloatArray], force: Callable[[ComplexArray], ComplexArray],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
-SHARED = {"hams": ("wamit", "read_hams")}
-"""Module and function of the format that has no module of its own name with a function `read`."""
 OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
 
 
@@ -68,7 +66,7 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     if not isinstance(path, (str, Path)):
         if not hasattr(path, "data_vars"):
             raise InputError(f"read_hydro: a path or an xarray.Dataset is needed, found {type(path).__name__}")
-        return import_module("radiation_ss.hydro.readers.capytaine").from_dataset(path, **given)
+        return _reader("capytaine").from_dataset(path, **given)
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
@@ -81,13 +79,18 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
                          "first, then the records")
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    options: dict[str, object] = {key: value for key, value in (("length", length), ("first_column", first_column),
-                                                                ("vessel", vessel)) if value is not None}
+    options = {key: value for key, value in zip(OWNER, (length, first_column, vessel)) if value is not None}
     for key in options:
         if name != OWNER[key].lower():
             raise InputError(f"{path}: {key} is for {OWNER[key]} files, this one is read as {name}")
-    module, function = SHARED.get(name, (name, "read"))
-    return getattr(import_module(f"radiation_ss.hydro.readers.{module}"), function)(path, **given, **options)
+    if name == "hams":
+        return _reader("wamit").read_hams(path, **given)
+    return _reader(name).read(path, **given, **options)
+
+
+def _reader(name: str) -> Any:
+    """Return the module that reads a format."""
+    return import_module(f"radiation_ss.hydro.readers.{name}")
 
 
 def _told_from(path: Path) -> str | None:
@@ -96,8 +99,7 @@ def _told_from(path: Path) -> str | None:
         hams, hydrostar = path / "Input" / "ControlFile.in", path / "AddedMass_11.rao"
         return "hams" if hams.is_file() else "hydrostar" if hydrostar.is_file() else "nemoh"
     name = FORMATS.get(path.suffix.lower())
-    wamit = "radiation_ss.hydro.readers.wamit"
-    return "hams" if name == "wamit" and import_module(wamit).is_wamit_form(path.absolute()) else name
+    return "hams" if name == "wamit" and _reader("wamit").is_wamit_form(path.absolute()) else name
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:
@@ -130,4 +132,4 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
 
 def netcdf(data: HydroData) -> bytes:
     """Return the content of a Capytaine dataset (.nc)."""
-    return bytes(import_module("radiation_ss.hydro.readers.capytaine").netcdf(data))
+    return bytes(_reader("capytaine").netcdf(data))

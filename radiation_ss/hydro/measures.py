@@ -42,6 +42,24 @@ def mass_scale(data: HydroData, silent: np.ndarray) -> FloatArray:
     return np.where(silent | (size == 0.0), np.inf, np.sqrt(np.where(size > 0.0, size, 1.0)))
 
 
+def scaled(matrix: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return a matrix (..., n, n), entry i, j over s_i s_j."""
+    return matrix / scale[:, None] / scale
+
+
+def worst(values: FloatArray) -> tuple[float, list[int]]:
+    """Return the largest value and where it stands."""
+    at = np.unravel_index(values.argmax(), values.shape)
+    return float(values[at]), [int(k) for k in at]
+
+
+def roughness(data: HydroData) -> FloatArray:
+    """Return how far A and B, scaled, leave their neighbours, shape (nw, n, n); see `narrow_features`."""
+    damping, silent = damping_scale(data)
+    return np.maximum(narrow_features(data.omega, scaled(data.B, damping)),
+                      narrow_features(data.omega, scaled(data.A, mass_scale(data, silent))))
+
+
 def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) -> FloatArray:
     """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
 
@@ -53,8 +71,7 @@ def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) 
     stride = 1
     while 4 * stride < n:
         k = np.arange(2 * stride, n - 2 * stride)
-        wide = stride > 1
-        k = k[(omega[k + stride] - omega[k - stride]) < 2.0 * width * omega[k]] if wide else k
+        k = k[(stride == 1) | (omega[k + stride] - omega[k - stride] < 2.0 * width * omega[k])]
         if k.size == 0:
             break
         beside = k[:, None] + stride * np.array([-2, -1, 1, 2])
@@ -63,19 +80,12 @@ def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) 
         # The cubic overshoots next to a spike: it counts only where the chord is left as well.
         chord = (x[:, 2, None, None] * curves[k - stride] - x[:, 1, None, None] * curves[k + stride]) / (
             x[:, 2] - x[:, 1])[:, None, None]
-        off, chordal = curves[k] - cubic, curves[k] - chord
-        size = np.minimum(np.abs(off), np.abs(chordal))
-        usual = _running_median(size, stride)
-        size = np.maximum(size - 4.0 * usual, 0.0)
-        departure[k] = np.maximum(departure[k], size)
+        size = np.minimum(np.abs(curves[k] - cubic), np.abs(curves[k] - chord))
+        nearby = np.arange(k.size)[:, None] + stride * np.arange(-10, 11)
+        usual = np.median(size[np.clip(nearby, 0, k.size - 1)], axis=1)
+        departure[k] = np.maximum(departure[k], np.maximum(size - 4.0 * usual, 0.0))
         stride *= 2
     return departure
-
-
-def _running_median(values: FloatArray, stride: int) -> FloatArray:
-    """Return the median of 21 values, `stride` apart, around each; the ends are repeated."""
-    at = np.arange(len(values))[:, None] + stride * np.arange(-10, 11)
-    return np.median(values[np.clip(at, 0, len(values) - 1)], axis=1)
 
 
 def bands(omega: FloatArray, flagged: np.ndarray) -> tuple[tuple[float, float], ...]:
@@ -121,23 +131,21 @@ def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: F
         if broken[near].max() > tolerance or (low is not None and data.omega[here[size[here].argmax()]] > low):
             irregular.append(here)
             continue
-        k, i, j = (int(v) for v in np.unravel_index(rough[here].argmax(), rough[here].shape))
-        worst = float(rough[here][k, i, j])
-        yield Finding("spike", worst > 2.0 * tolerance, worst, ((first, last),), pair(data, i, j),
-                      f"{named(data, i, j)} leaves its neighbours by {percent(worst)} at {data.omega[here[k]]:.3g} "
+        most, (k, i, j) = worst(rough[here])
+        yield Finding("spike", most > 2.0 * tolerance, most, ((first, last),), pair(data, i, j),
+                      f"{named(data, i, j)} leaves its neighbours by {percent(most)} at {data.omega[here[k]]:.3g} "
                       "rad/s, with no harm to Kramers-Kronig: a mode of enclosed water (gap, moonpool), or an "
                       "irregular frequency of the panels")
     if not irregular:
         return
     places = np.concatenate(irregular)
-    k, i, j = (int(v) for v in np.unravel_index(rough[places].argmax(), rough[places].shape))
-    worst = float(rough[places][k, i, j])
+    most, (k, i, j) = worst(rough[places])
     peaks = [int(k) for k in np.sort(places) if size[k] >= size[max(k - 2, 0):k + 3].max()]
     more = f" and {len(peaks) - 12} more" if len(peaks) > 12 else ""
     at = ", ".join(f"{w:.3g}" for w in data.omega[peaks[:12]]) + more
-    yield Finding("irregular frequency", worst > 2.0 * tolerance, worst,
+    yield Finding("irregular frequency", most > 2.0 * tolerance, most,
                   tuple((float(data.omega[here[0]]), float(data.omega[here[-1]])) for here in irregular),
-                  pair(data, i, j), f"at {at} rad/s A and B leave their neighbours, by up to {percent(worst)} "
+                  pair(data, i, j), f"at {at} rad/s A and B leave their neighbours, by up to {percent(most)} "
                   f"({named(data, i, j)} at {data.omega[places[k]]:.3g} rad/s), as no causal and passive body does: "
                   "irregular frequencies of the panel method, a wrong value, or a resonance of enclosed water finer "
                   "than the steps. Compute again with a lid (WAMIT: IRR) or finer steps; data.clean(spikes=True) "

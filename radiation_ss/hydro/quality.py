@@ -25,12 +25,14 @@ from radiation_ss.hydro.measures import (
     mass_scale,
     named,
     narrow,
-    narrow_features,
     pair,
     percent,
+    roughness,
     said,
+    scaled,
     statically_unstable,
     unstable_text,
+    worst,
 )
 from radiation_ss.hydro.section.green import group_velocity, wave_number
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
@@ -46,13 +48,13 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance: a share between 0 and 1 needed, found {tolerance:g}")
     scale, silent = damping_scale(data)
-    S = 0.5 * (data.B + data.B.transpose(0, 2, 1)) / scale[:, None] / scale
+    S = scaled(0.5 * (data.B + data.B.transpose(0, 2, 1)), scale)
     values, vectors = np.linalg.eigh(S)
-    smallest = values[:, 0]
-    B, A = data.B / scale[:, None] / scale, data.A / (other := mass_scale(data, silent))[:, None] / other
-    skew = np.stack([np.abs(B - B.transpose(0, 2, 1)), np.abs(A - A.transpose(0, 2, 1))])
+    smallest, other = values[:, 0], mass_scale(data, silent)
+    B, A = scaled(data.B, scale), scaled(data.A, other)
+    skew = np.stack([np.abs(part - part.transpose(0, 2, 1)) for part in (B, A)])
     residual, tail, more = _causality(data, other, tolerance, silent)
-    rough = np.maximum(narrow_features(data.omega, B), narrow_features(data.omega, A))
+    rough = roughness(data)
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
                 *haskind(data, tolerance), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
@@ -81,13 +83,12 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     raw = data.A - added_mass_from_damping(w, data.B)
     middle = (w > w[0]) & (w < 0.9 * w[-1])
     level = np.median(raw[middle], axis=0)
-    residual = (raw - level) / scale[:, None] / scale
+    residual, tail = scaled(raw - level, scale), fit_tail(w, data.B)
     found: list[Finding] = []
-    inside = np.where(middle[:, None, None], residual, 0.0)
-    where = bands(w, np.abs(inside).max(axis=(1, 2)) > tolerance)
+    inside = np.where(middle[:, None, None], np.abs(residual), 0.0)
+    where = bands(w, inside.max(axis=(1, 2)) > tolerance)
     if where:
-        k, i, j = (int(v) for v in np.unravel_index(np.abs(inside).argmax(), inside.shape))
-        size = abs(float(inside[k, i, j]))
+        size, (k, i, j) = worst(inside)
         found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
                              f"added mass and damping violate the Kramers-Kronig relations by {percent(size)} of the "
                              "largest A - A_inf, "
@@ -99,15 +100,15 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
                          for i, dof in enumerate(data.dofs) if not silent[i])
         found.append(Finding("A_inf missing", False, 0.0, (), data.dofs, f"Kramers-Kronig gives {each} (SI); "
                              "data.with_A_inf() takes it"))
-        return residual, fit_tail(w, data.B), found
-    offset = (level - data.A_inf) / scale[:, None] / scale
-    worst = np.abs(np.diagonal(offset))
-    if worst.max() > tolerance:
-        each = ", ".join(f"{data.dofs[i]} {percent(offset[i, i])}" for i in np.argsort(-worst) if worst[i] > tolerance)
-        found.append(Finding("A_inf offset", bool(worst.max() > 3.0 * tolerance), float(worst.max()), (),
-                             tuple(data.dofs[i] for i in np.flatnonzero(worst > tolerance)),
+        return residual, tail, found
+    offset = np.diagonal(scaled(level - data.A_inf, scale))
+    off = np.abs(offset)
+    if off.max() > tolerance:
+        each = ", ".join(f"{data.dofs[i]} {percent(offset[i])}" for i in np.argsort(-off) if off[i] > tolerance)
+        found.append(Finding("A_inf offset", bool(off.max() > 3.0 * tolerance), float(off.max()), (),
+                             tuple(data.dofs[i] for i in np.flatnonzero(off > tolerance)),
                              f"A and B imply another A_inf than the one given, by (of the largest A - A_inf) {each}"))
-    return residual, fit_tail(w, data.B), found
+    return residual, tail, found
 
 
 def _negative(data: HydroData, smallest: FloatArray, vectors: FloatArray, S: FloatArray,
@@ -138,8 +139,7 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     """Name the entry of B or A that differs most from its transpose."""
     if skew.max() <= tolerance:
         return
-    which, k, i, j = (int(v) for v in np.unravel_index(skew.argmax(), skew.shape))
-    size = float(skew.max())
+    size, (which, k, i, j) = worst(skew)
     where = bands(data.omega, skew.max(axis=(0, 2, 3)) > tolerance)
     scaled = "the largest damping" if which == 0 else "the largest A - A_inf"
     yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
@@ -217,7 +217,7 @@ def haskind(data: HydroData, tolerance: float) -> Iterator[Finding]:
         return
     size = np.sqrt(np.maximum(own[use], 0.02 * own.max(axis=0)))[:, loud]
     off = force[use] * factor(w, data.depth, data.g)[:, None, None] - data.B[use]
-    off = (np.abs(off) / scale[:, None] / scale)[:, loud][:, :, loud] / size[:, :, None] / size[:, None, :]
+    off = scaled(np.abs(off), scale)[:, loud][:, :, loud] / size[:, :, None] / size[:, None, :]
     off = np.nan_to_num(np.median(off, axis=0))
     if off.max() > 5.0 * tolerance:
         i, j = (int(loud[k]) for k in np.unravel_index(off.argmax(), off.shape))
@@ -247,8 +247,8 @@ def over_headings(data: HydroData, widest: float = np.pi / 4.0, sure: float = 0.
         odd = np.array([-1.0 if mode(dof) in ("Sway", "Roll", "Yaw") else 1.0 for dof in data.dofs])
         scale, _ = damping_scale(data)
         unknown = odd[:, None] * odd < 0.0
-        if len({body(dof) for dof in data.dofs}) > 1 or np.abs(data.B / scale[:, None] / scale)[:, unknown].max(
-                initial=0.0) > 2.0 * sure:
+        if len({body(dof) for dof in data.dofs}) > 1 or scaled(np.abs(data.B), scale)[
+                :, unknown].max(initial=0.0) > 2.0 * sure:
             return None
         inner = (angle > 1e-3) & (angle < np.pi - 1e-3)
         angle = np.concatenate([angle, 2.0 * np.pi - angle[inner][::-1]])

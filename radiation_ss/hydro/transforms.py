@@ -170,12 +170,9 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
 
 def _band(omega: ArrayLike, values: ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
     grid = read_only(omega, "omega", (None,))
-    array = read_only(values, name, (grid.size, None, None))
-    if grid.size < 4:
-        raise InputError(f"omega: {grid.size} values found, at least 4 needed for a transform")
-    if np.any(np.diff(grid) <= 0.0):
-        raise InputError("omega: must ascend")
-    return grid, array
+    if grid.size < 4 or np.any(np.diff(grid) <= 0.0):
+        raise InputError(f"omega: at least 4 ascending frequencies [rad/s] are needed, {grid.size} values found")
+    return grid, read_only(values, name, (grid.size, None, None))
 
 
 def _with_zero(w: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -161,17 +161,15 @@ def write(page: Page, path: str | Path) -> Path:
 
 def close_figures(page: Page) -> None:
     """Close the page's figures, so that a long session does not collect them."""
-    for section in page.sections:
-        for block in section.blocks:
-            if isinstance(block, Picture):
-                close(block.figure)
+    close(*(block.figure for section in page.sections for block in section.blocks if isinstance(block, Picture)))
 
 
-def close(figure: Figure) -> None:
-    """Close a figure."""
+def close(*figures: Figure) -> None:
+    """Close figures."""
     from matplotlib import pyplot as plt
 
-    plt.close(figure)
+    for figure in figures:
+        plt.close(figure)
 
 
 def number(value: Any, digits: int = 3, unit: str = "") -> str:

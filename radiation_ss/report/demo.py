@@ -24,7 +24,6 @@ from radiation_ss.records.record import Record
 from radiation_ss.report.diagnosis_page import page_of, save
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -172,10 +171,9 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
                     kind="motion-only", name=record.name)
     points = {float(w): model.fit.frequency_response(w)[0] for w in np.sqrt(np.array(POINTS) * 9.81 / HALF_BREADTH)}
     made = []
-    ways: tuple[tuple[str, str, dict | None], ...] = (
-        ("dual filter", "dual-enkf", None), ("dual filter with two known points", "dual-enkf", points),
-        ("motion's spectrum", "spectral", None))
-    for name, method, known in ways:
+    ways = {"dual filter": ("dual-enkf", None), "dual filter with two known points": ("dual-enkf", points),
+            "motion's spectrum": ("spectral", None)}
+    for name, (method, known) in ways.items():
         stage(name)
         result = rss.identify(start, motion, method, prior=ERROR, points=known, seed=seed)
         force = result.force.get(record.name)
@@ -248,33 +246,23 @@ def picture(figure: Figure, caption: str) -> Picture:
 @style.look()
 def identification_picture(demo: Demo) -> Figure:
     """Damping, added mass and force, estimated from motion, against the truth."""
-    figure, rows = style.figure(len(demo.estimates), 3, size=(11.0, 2.5 * len(demo.estimates) + 0.4), share_x=True)
-    for axes, estimate in zip(rows, demo.estimates):
-        found = estimate.result
+    figure, rows = style.figure(len(demo.estimates), 3, size=(11.0, 2.5 * len(demo.estimates) + 0.4))
+    for (*axes, right), estimate in zip(rows, demo.estimates):
+        found, record = estimate.result, demo.record
         K = demo.model.fit.frequency_response(found.omega)[:, 0, 0]
-        truth = (K.real, K.imag / found.omega + demo.model.A_inf[0, 0])
-        for ax, band, true, prior, label in zip(axes, (found.B, found.A), truth, (found.prior["B"], found.prior["A"]),
-                                                ("damping B [kg/s]", "added mass A [kg]")):
+        truth = {"B": K.real, "A": K.imag / found.omega + demo.model.A_inf[0, 0]}
+        for ax, name, band, label in zip(axes, "BA", (found.B, found.A), ("damping B [kg/s]", "added mass A [kg]")):
             style.band(ax, found.omega, band.lower[:, 0, 0], band.upper[:, 0, 0], style.BLUE, "95 % band")
             ax.plot(found.omega, band.mean[:, 0, 0], color=style.BLUE, label="estimate")
-            ax.plot(found.omega, prior[:, 0, 0], color=style.GREY, linestyle=":", label="prior model")
-            ax.plot(found.omega, true, color=style.VERMILION, linestyle="--", label="truth")
-            ax.set(ylabel=label, xlim=(0.0, 16.0), title=estimate.name)
-        _force(axes[2], demo, estimate.name)
+            ax.plot(found.omega, found.prior[name][:, 0, 0], color=style.GREY, linestyle=":", label="prior model")
+            ax.plot(found.omega, truth[name], color=style.VERMILION, linestyle="--", label="truth")
+            ax.set(ylabel=label, xlim=(0.0, 16.0), title=estimate.name, xlabel="ω [rad/s]")
+        if (force := found.force.get(record.name)) is not None:
+            part = (force.time >= 10.0) & (force.time <= 18.0)
+            style.band(right, force.time[part], force.lower[0, part], force.upper[0, part], style.BLUE)
+            right.plot(force.time[part], force.mean[0, part], color=style.BLUE)
+        part = (record.time >= 10.0) & (record.time <= 18.0)
+        right.plot(record.time[part], record.channels["Heave_force"][part], color=style.VERMILION, linestyle="--")
+        right.set(ylabel="wave excitation force [N]", title="force from motion", xlabel="time [s]")
     rows[0, 0].legend(loc="lower left", fontsize=7)
-    rows[-1, 0].set_xlabel("ω [rad/s]")
-    rows[-1, 1].set_xlabel("ω [rad/s]")
-    rows[-1, 2].set_xlabel("time [s]")
     return figure
-
-
-def _force(axes: Axes, demo: Demo, name: str) -> None:
-    estimate = next(e for e in demo.estimates if e.name == name)
-    force = estimate.result.force.get(demo.record.name)
-    show = (demo.record.time >= 10.0) & (demo.record.time <= 18.0)
-    if force is not None:
-        part = (force.time >= 10.0) & (force.time <= 18.0)
-        style.band(axes, force.time[part], force.lower[0, part], force.upper[0, part], style.BLUE)
-        axes.plot(force.time[part], force.mean[0, part], color=style.BLUE)
-    axes.plot(demo.record.time[show], demo.record.channels["Heave_force"][show], color=style.VERMILION, linestyle="--")
-    axes.set(ylabel="wave excitation force [N]", title="force from motion")

@@ -11,7 +11,7 @@ import numpy as np
 
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
-from radiation_ss.diagnosis.prediction import Error, energy
+from radiation_ss.diagnosis.prediction import energy
 from radiation_ss.diagnosis.result import described
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -76,10 +76,10 @@ def budget(found: Diagnosis) -> list[Part]:
                   f"gap's energy beyond the noise that is closed: {h.shrinkage:.3f} "
                   f"(95 %: {h.interval[0]:.3f} to {h.interval[1]:.3f}).")
     return [Part("Budget of the gap", [
-        Picture(budget_picture(found), "Share of each cause on unseen data; shares add up to one, and what makes "
+        Picture(overview(found, ["budget"]), "Share of each cause on unseen data; shares add up to one, and what makes "
                 "the gap larger is negative.", "One stacked bar for each record and degree of freedom"), table]),
         Part("Prediction of unseen data", [
-            Picture(motion_picture(found), "Measured and predicted, and the errors.",
+            Picture(overview(found, ["motion"]), "Measured and predicted, and the errors.",
                     "Measured signal with the predictions of the given and of the corrected model"),
             Picture(ledger(found), "Gap at each stage.", "Bars of the gap at each stage")])]
 
@@ -131,33 +131,20 @@ EFFECTS = (style.BLUE, style.VERMILION, style.ORANGE, style.PURPLE, style.YELLOW
 
 
 @style.look()
-def overview(found: Diagnosis) -> Figure:
-    """Draw the budget, one unseen record as measured and predicted, and its error.
+def overview(found: Diagnosis, parts: Sequence[str] = ("budget", "motion")) -> Figure:
+    """Draw the budget, and one unseen record as measured and predicted with its error, or one of the two.
 
     InputError if no unseen record can be predicted.
     """
     if not found.predictions:
         raise InputError("no record with a known force is left to be predicted, so there is nothing to draw")
-    bars = len(found.budget.by_record)
-    figure, axes = style.figure(3, 1, size=(7.6, 4.6 + 0.32 * bars))
-    stacked(found, axes[0, 0])
-    motion(found, axes[1, 0], axes[2, 0])
-    return figure
-
-
-@style.look()
-def budget_picture(found: Diagnosis) -> Figure:
-    """Draw one stacked bar for each unseen record and degree of freedom."""
-    figure, axes = style.figure(1, 1, size=(7.6, 1.2 + 0.36 * len(found.budget.by_record)))
-    stacked(found, axes[0, 0])
-    return figure
-
-
-@style.look()
-def motion_picture(found: Diagnosis) -> Figure:
-    """Draw one unseen record as measured and predicted, and its error."""
-    figure, axes = style.figure(2, 1, size=(7.6, 4.2), share_x=True)
-    motion(found, axes[0, 0], axes[1, 0])
+    rows = [name for name in ("budget", "motion", "motion") if name in parts]
+    height = 4.2 * ("motion" in parts) + (0.6 + 0.34 * len(found.budget.by_record)) * ("budget" in parts)
+    figure, axes = style.figure(len(rows), 1, size=(7.6, height))
+    if "budget" in parts:
+        stacked(found, axes[0, 0])
+    if "motion" in parts:
+        motion(found, axes[-2, 0], axes[-1, 0])
     return figure
 
 
@@ -192,32 +179,21 @@ def motion(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     top.set_ylabel(f"{style.literal(dof)} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
     top.set_title(style.literal(f"{before.record}, unseen"), loc="left")
     top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
-    errors(before, after, bottom, unit)
-
-
-def errors(before: Error, after: Error, axis: Axes, unit: str) -> None:
-    """Draw errors before and after."""
-    axis.plot(before.time, before.error, color=style.VERMILION)
-    axis.plot(after.time, after.error, color=style.BLUE)
-    axis.set_ylabel(f"error [{unit}]")
-    axis.set_xlabel("time [s]")
+    bottom.plot(before.time, before.error, color=style.VERMILION)
+    bottom.plot(after.time, after.error, color=style.BLUE)
+    bottom.set(ylabel=f"error [{unit}]", xlabel="time [s]")
 
 
 @style.look()
 def ledger(found: Diagnosis) -> Figure:
     """Draw the gaps from the model as given to the noise."""
     figure, axes = style.figure(1, 1, size=(5.6, 2.2))
-    h = found.how_far
-    bars(axes[0, 0], ["as given", "recalibrated, no effect", "corrected", "noise"],
-         100.0 * np.array([h.gap_before, h.gap_retuned, h.gap_after, h.noise_floor]))
-    axes[0, 0].set_xlabel("gap on unseen data [% of the motion's rms]; shorter is better")
-    return figure
-
-
-def bars(axis: Axes, names: Sequence[str], values: np.ndarray) -> None:
-    """Draw horizontal bars with their numbers."""
-    axis.barh(names, values, color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
-    for k, value in enumerate(values):
-        axis.text(value, k, f" {value:.2g} %", va="center")
-    axis.set_xlim(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9))
+    h, axis = found.how_far, axes[0, 0]
+    values = 100.0 * np.array([h.gap_before, h.gap_retuned, h.gap_after, h.noise_floor])
+    bars = axis.barh(["as given", "recalibrated, no effect", "corrected", "noise"], values,
+                     color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
+    axis.bar_label(bars, fmt=" {:.2g} %")
+    axis.set(xlabel="gap on unseen data [% of the motion's rms]; shorter is better",
+             xlim=(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9)))
     axis.invert_yaxis()
+    return figure

@@ -132,10 +132,8 @@ def coefficients(result: Identification) -> Figure:
             style.band(ax, w, lower, upper, style.BLUE, "95 % band")
             ax.plot(w, mean, color=style.BLUE, marker="." if power.sum() < 5 else "",
                     label="identified, where waves are")
-            ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--",
-                    label="prior model")
-            ax.set_ylabel(text)
-            ax.set_title(style.literal(dof))
+            ax.plot(w, result.prior[name][:, j, j], color=style.VERMILION, linestyle="--", label="prior model")
+            ax.set(ylabel=text, title=style.literal(dof))
         shares = result.information
         axes[j, 2].stackplot(w, shares["prior"], shares["points"], shares["data"], labels=["prior", "points", "data"],
                              colors=[style.GREY, style.ORANGE, style.GREEN], alpha=0.7)
@@ -144,7 +142,7 @@ def coefficients(result: Identification) -> Figure:
     axes[0, 0].legend(frameon=False, fontsize="small")
     axes[0, 2].legend(loc="lower right", frameon=True)
     for ax in axes[-1]:
-        ax.set_xlabel("ω [rad/s]")
+        ax.set(xlabel="ω [rad/s]")
     return figure
 
 

@@ -104,11 +104,10 @@ def text(plan: TestPlan) -> str:
     lines += ["", *(f"   {name}: {about[name]}" for name in plan.chosen), "",
               f"{'each test alone':{wide + 3}s} seen  apart"]
     lines += [f"   {test.name:{wide}s} {seen:4d}  {apart:5d}" for test, (seen, apart) in zip(plan.tests, plan.alone)]
-    lines += ["",
-              f"{'effect':44s} {'sd':>7s}  {'beside its closest rival':>7s}"]
+    lines += ["", f"{'effect':44s} {'sd':>7s}  {'beside its closest rival':>7s}"]
+    beside = plan.separation + np.diag(np.full(len(plan.labels), np.inf))
     for i, label in enumerate(plan.labels):
-        others = np.delete(np.arange(len(plan.labels)), i)
-        rival = int(others[np.argmin(plan.separation[i, others])]) if others.size else i
+        rival = int(np.argmin(beside[i]))
         lines.append(f"{label:44s} {plan.detectability[i]:7.1f}  {plan.separation[i, rival]:7.1f}  "
                      f"{plan.labels[rival] if rival != i else ''}".rstrip())
     lines += ["", "inseparable by any of these tests:"]

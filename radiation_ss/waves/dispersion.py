@@ -86,13 +86,13 @@ def wave_frequencies(encounter: float, speed: float, heading: float = np.pi, *, 
     grid = np.concatenate([[1e-9 * top], np.linspace(0.0, 1.0 + 1e-9, 4001)[1:] * top])
     found: list[float] = []
     for target in (encounter, -encounter):
-        def miss(w: float, target: float = target) -> float:
-            return float(encounter_frequency(w, speed, heading, depth=depth, g=g)) - target
+        def miss(w: ArrayLike, target: float = target) -> FloatArray:
+            return encounter_frequency(w, speed, heading, depth=depth, g=g) - target
 
-        values = encounter_frequency(grid, speed, heading, depth=depth, g=g) - target
+        values = miss(grid)
         turns = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
         found += [float(brentq(miss, grid[i], grid[i + 1], xtol=1e-14, rtol=1e-13)) for i in turns]
-        found += [float(w) for w in grid[values == 0.0]]
+        found += grid[values == 0.0].tolist()
     return tuple(sorted(found))
 
 
@@ -157,8 +157,7 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     if last - first < 2:
         raise InputError(f"elevation: {x.size * dt:.4g} s are too short; the waves need {np.abs(lags).max():.4g} s for "
                          f"{abs(distance):g} m")
-    moved[:first] = np.nan
-    moved[last:] = np.nan
+    moved[:first] = moved[last:] = np.nan
     return moved
 
 

@@ -75,7 +75,7 @@ def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01) ->
                          f"force: outside={enough}, --outside {enough}")
     inside = (sea.omega >= data.omega[0]) & (sea.omega <= data.omega[-1])
     force = np.zeros((data.n, sea.omega.size), dtype=complex)
-    directions = [None] if sea.directions is None else [float(direction) for direction in sea.directions]
+    directions = [None] if sea.directions is None else sea.directions.tolist()
     for amplitudes, direction in zip(sea.amplitudes, directions):
         X = transfer(data, sea.omega[inside], direction)
         force[:, inside] += (X * amplitudes[inside, None]).T
@@ -83,16 +83,9 @@ def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01) ->
 
 
 def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) -> ComplexArray:
-    """Return X(w, direction), shape (nw, n), interpolated from the data.
+    """Return X(w, direction), shape (nw, n), interpolated from data with X and its directions.
 
-    Parameters
-    ----------
-    data : HydroData
-        With X and its directions.
-    omega : array_like, shape (nw,)
-        Frequencies within the data's [rad/s].
-    direction : float, optional
-        Direction of propagation [rad]; the only one of X if absent.
+    `omega` (nw,): frequencies within the data's [rad/s]. `direction`: of propagation [rad]; absent: the only one of X.
     """
     assert data.X is not None and data.directions is not None
     if direction is None:

@@ -73,10 +73,8 @@ class Sea(Brief):
         """
         along = np.zeros(1) if self.directions is None else self.directions
         path = x * np.cos(along) + y * np.sin(along)
-        k = np.zeros(self.omega.size)
-        k[1:] = wave_number(self.omega[1:] ** 2 / g, depth)
-        phase = np.exp(-1j * path[:, None] * k)
-        return self.signal(np.sum(self.amplitudes * phase, axis=0))
+        k = np.append(0.0, wave_number(self.omega[1:] ** 2 / g, depth))
+        return self.signal(np.sum(self.amplitudes * np.exp(-1j * path[:, None] * k), axis=0))
 
     def signal(self, coefficients: ComplexArray) -> FloatArray:
         """Return Re sum_k h_k e^{i w_k t}, shape (..., samples), of coefficients of shape (..., period // 2 + 1)."""

@@ -10,7 +10,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Brief
 
@@ -161,18 +161,13 @@ def jonswap(hs: float, tp: float | None = None, *, t01: float | None = None, gam
     """
     if not 1.0 <= gamma <= 20.0:
         raise InputError(f"gamma: {gamma:g} is outside 1 to 20")
-    if not (hs > 0.0 and np.isfinite(hs)):
-        raise InputError(f"hs: {hs:g} m; a positive significant wave height in metres is needed")
+    hs = positive(hs, "hs (significant wave height)", "m")
     if (tp is None) == (t01 is None):
         raise InputError("period: give exactly one of tp (peak period) and t01 (mean period), in seconds")
-    for name, period in (("tp", tp), ("t01", t01)):
-        if period is not None and not (period > 0.0 and np.isfinite(period)):
-            raise InputError(f"{name}: {period:g} s; a positive period in seconds is needed")
     if tp is None:
-        assert t01 is not None
-        tp = t01 * shape_moment(1, gamma) / shape_moment(0, gamma)
+        tp = positive(t01, "t01 (mean period)", "s") * shape_moment(1, gamma) / shape_moment(0, gamma)
     kind = "Pierson-Moskowitz" if gamma == 1.0 else f"JONSWAP (gamma {gamma:g})"
-    return Spectrum(float(hs), float(tp), float(gamma), kind)
+    return Spectrum(hs, positive(tp, "tp (peak period)", "s"), float(gamma), kind)
 
 
 def pierson_moskowitz(hs: float | None = None, *, wind: float | None = None, g: float = 9.81) -> Spectrum:
@@ -196,12 +191,8 @@ def pierson_moskowitz(hs: float | None = None, *, wind: float | None = None, g: 
     if (hs is None) == (wind is None):
         raise InputError("sea: give exactly one of hs (m) and wind (m/s)")
     if wind is not None:
-        if not (wind > 0.0 and np.isfinite(wind)):
-            raise InputError(f"wind: {wind:g} m/s; a positive speed is needed")
-        hs = 2.0 * sqrt(8.1e-3 / 0.74) * wind**2 / g
-    assert hs is not None
-    if not (hs > 0.0 and np.isfinite(hs)):
-        raise InputError(f"hs: {hs:g} m; a positive significant wave height in metres is needed")
+        hs = 2.0 * sqrt(8.1e-3 / 0.74) * positive(wind, "wind", "m/s")**2 / g
+    hs = positive(hs, "hs (significant wave height)", "m")
     peak = (16.0 * 8.1e-3 * g**2 / (5.0 * hs**2)) ** 0.25
     return jonswap(hs, 2.0 * pi / peak, gamma=1.0)
 

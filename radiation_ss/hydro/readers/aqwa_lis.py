@@ -18,9 +18,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, lags_to_origin, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
 
-LABELS = ("X", "Y", "Z", "RX", "RY", "RZ")
+LABELS = ["X", "Y", "Z", "RX", "RY", "RZ"]
 SECTION = "HYDRODYNAMICPARAMETERS"
 TABLE = re.compile(r"(STIFFNESSMATRIX|ADDEDMASS|DAMPING)$|H/I(ADDEDMASS|DAMPING)FORFORCEONSTR#(\d+)$")
 TABLES = {"STIFFNESSMATRIX": "C", "ADDEDMASS": "A", "DAMPING": "B"}
@@ -41,32 +41,30 @@ def read(path: Path, **given: float) -> HydroData:
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]
     notes = [f"{path}: frequencies have four decimals, forces three digits here; the .AH1 beside it has more"]
-    given_or_found = {field: constant(path, field, _constant(path, bare, name), given, np.nan, notes)
-                      for field, name in CONSTANTS.items()}
+    stated = constants(path, {field: _constant(path, bare, name) for field, name in CONSTANTS.items()}, given, notes)
     found, centres = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     count = len(centres)
     dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     coupled = _complete(path, found, count)
-    if not coupled:
-        notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
     fields: dict[str, Any] = {"M": block_diag(*[_mass(path, lines, bare, k) for k in centres]),
                               "C": block_diag(*[found[0.0]["C", k, k] for k in centres])}
-    if np.inf in found and coupled and count > 1 and len(found[np.inf]) == count:
-        notes.append(f"{path}: the high frequency has no coupling between the structures; A_inf is not known")
-    elif np.inf in found:
-        fields["A_inf"] = _whole(found[np.inf], "A", count)
-        notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
+    high = "A_inf is AQWA's added mass at 100 rad/s"
+    if np.inf not in found:
+        high = "no section on low and high frequencies (or cut off before it); A_inf is not known"
+    elif coupled and count > 1 and len(found[np.inf]) == count:
+        high = "the high frequency has no coupling between the structures; A_inf is not known"
     else:
-        notes.append(f"{path}: no section on low and high frequencies (or cut off before it); A_inf is not known")
+        fields["A_inf"] = _whole(found[np.inf], "A", count)
+    alone = "the structures were computed each alone; the terms between them are zero"
+    notes += [f"{path}: {note}" for note in [alone] * (not coupled) + [high]]
     degrees, rows = _forces(path, lines, bare, omega, count)
     fields["directions"] = angle = np.deg2rad(degrees)
     points = [centres[k] for k in sorted(centres)]
-    fields["X"] = lags_to_origin(rows, omega, angle, points, given_or_found["g"], given_or_found["depth"])
-    point, more = common_point(path, dofs, dict(zip(bodies(dofs), points)))
+    fields["X"] = lags_to_origin(rows, omega, angle, points, stated["g"], stated["depth"])
     return assemble(path, omega, [_whole(found[w], "A", count) for w in omega],
-                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes + more,
-                    reference_point=point, **given_or_found, **fields)
+                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes,
+                    points=dict(zip(bodies(dofs), points)), **stated, **fields)
 
 
 def _complete(path: Path, found: Tables, count: int) -> bool:
@@ -95,8 +93,7 @@ def _whole(tables: dict[tuple[str, int, int], FloatArray], name: str, count: int
 
 def _constant(path: Path, bare: list[str], name: str) -> float:
     line = next((line for line in bare if line.startswith(name + ".")), "")
-    value = text.number(line.rpartition("=")[2])
-    if value is None:
+    if (value := text.number(line.rpartition("=")[2])) is None:
         raise InputError(f"{path}: no line '{name} . . . = number'; an AQWA-LINE listing is needed")
     return value
 
@@ -150,7 +147,7 @@ def _six(path: Path, lines: list[str], k: int) -> FloatArray:
             rows.append(text.row(path, at, " ".join(words[1:]), 6, "6 values"))
             if len(rows) == 6:
                 return np.array(rows)
-        elif words and (rows or (words[0] in LABELS and words != list(LABELS))):
+        elif words and (rows or (words[0] in LABELS and words != LABELS)):
             break
     raise InputError(f"{path}, line {k + 1}: rows {', '.join(LABELS)} of 6 numbers needed below; the table is cut off")
 
@@ -159,8 +156,8 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
     """Return the rigid-body mass matrix of a structure about its centre of gravity."""
     title = re.compile(rf"MASSANDINERTIAPROPERTIESOFSTRUCTURE{structure}(?!\d)")
     k = next((k for k, line in enumerate(bare) if title.search(line)), len(bare))
-    total = next((at for at in range(k, len(bare)) if bare[at].startswith("TOTAL")), None)
-    start = next((at for at in range(k, len(bare)) if bare[at].startswith("INERTIAMATRIX")), None)
+    total, start = (next((at for at in range(k, len(bare)) if bare[at].startswith(word)), None)
+                    for word in ("TOTAL", "INERTIAMATRIX"))
     if total is None or start is None:
         raise InputError(f"{path}: no mass (T O T A L) or INERTIA MATRIX of structure {structure}")
     mass = text.row(path, total, " ".join(lines[total].split()[5:]), 3, "elements, mass, weight")[1]
@@ -182,8 +179,8 @@ def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
         words = line.split()
         if bare[k].startswith("****"):
             inside, name, heading = SECTION in bare[k], "", None
-            match = re.search(r"FORSTRUCTURE(\d+)", bare[k])
-            structure = int(match[1]) if match else structure
+            if match := re.search(r"FORSTRUCTURE(\d+)", bare[k]):
+                structure = int(match[1])
         elif "VARIATIONWITHWAVE" in bare[k]:
             name, heading = bare[k], None
         elif inside and len(words) in (14, 15) and text.number(words[0]) is not None and name in (FORCES, PART, ""):

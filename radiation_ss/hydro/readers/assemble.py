@@ -20,6 +20,9 @@ IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
 
 UNKNOWN_POINT = (np.nan, np.nan, np.nan)
+MSS_AXES = np.array([1, -1, -1, 1, -1, -1])  # forward-starboard-down of MSS's files becomes forward-port-up
+USUAL = {"rho": 1000.0, "g": 9.81, "depth": np.inf}  # where neither the file nor the caller says it
+Points = Mapping[str, tuple[float, ...]]
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
@@ -33,16 +36,20 @@ def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
 
 
 def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dofs: Sequence[str], *,
-             X: ArrayLike | None = None, A_inf: ArrayLike | None = None, **fields: object) -> HydroData:
+             X: ArrayLike | None = None, A_inf: ArrayLike | None = None, points: Points | None = None,
+             notes: Sequence[str] = (), **fields: Any) -> HydroData:
     """Return HydroData of rows in any order, with or without the limits omega = 0 and omega = inf.
 
     `path` is named in every message. `omega` (rows,): [rad/s]; the limits go into A_zero and A_inf. `A`, `B` (rows, n,
     n): B is not looked at in the limits; a frequency whose A and B are NaN throughout has no result in the file: it is
     left out, and a note says so. `X` (rows, n_dir, n). `A_inf` (n, n): a limit that the file gives apart from the rows.
-    `fields`: others of HydroData; notes are what the reader had to assume or leave out. InputError if a frequency is
-    negative, NaN or there twice, or a value is NaN.
+    `points`: about which the rotations of each body are taken, see `common_point`; a reader that knows the one point
+    gives `reference_point` instead. `notes`: what the reader had to assume or leave out. `fields`: others of HydroData.
+    InputError if a frequency is negative, NaN or there twice, or a value is NaN.
     """
-    notes: Any = fields.pop("notes", ())
+    if "reference_point" not in fields:
+        fields["reference_point"], more = common_point(path, dofs, points)
+        notes = [*notes, *more]
     order, w = _ordered(path, np.asarray(omega, dtype=float))
     for name, values in (("added mass", A), ("damping", B)):
         if np.iscomplexobj(values) and np.any(np.imag(np.asarray(values))):
@@ -51,25 +58,20 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     A_zero, A_inf = _limit(mass, w == 0.0, None), _limit(mass, np.isinf(w), A_inf)
     inside = (w > 0.0) & np.isfinite(w)
     empty = inside & np.isnan(mass).all((1, 2)) & np.isnan(damping).all((1, 2))
-    lost = []
-    if empty.any():
-        lost.append(f"{path}: no radiation result (NaN) at {_list(w[empty])} rad/s; left out")
+    lost = [f"{path}: no radiation result (NaN) at {_list(w[empty])} rad/s; left out"] * bool(empty.any())
     keep = inside & ~empty
     if not keep.any():
         raise InputError(f"{path}: no frequency between zero and infinity with added mass and damping")
     w, mass, damping = w[keep], mass[keep], damping[keep]
-    force: ComplexArray | None = None
-    if X is not None:
-        force = np.asarray(X, dtype=complex)[order][keep]
-        empty = np.isnan(force).all((1, 2))
-        if empty.any():
-            lost.append(f"{path}: no exciting force (NaN) at {_list(w[empty])} rad/s; X is left out")
-            force = None
+    force = None if X is None else np.asarray(X, dtype=complex)[order][keep]
+    if force is not None and (empty := np.isnan(force).all((1, 2))).any():
+        lost.append(f"{path}: no exciting force (NaN) at {_list(w[empty])} rad/s; X is left out")
+        force = None
     for name, value in (("added mass", mass), ("radiation damping", damping), ("exciting force", force)):
         _refuse_nan(path, name, value, w, dofs)
     try:
         data = HydroData(w, mass, damping, A_inf, tuple(dofs), X=force, A_zero=A_zero,  # type: ignore[arg-type]
-                         source=str(path), notes=(*notes, *lost), **fields)  # type: ignore[arg-type]
+                         source=str(path), notes=(*notes, *lost), **fields)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if is_reversed(horizontal_lead(data.X, data.C, data.dofs, data.directions)):
@@ -80,22 +82,23 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     return data
 
 
+def constants(path: Path | str, in_file: Mapping[str, float | None], given: Mapping[str, float],
+              notes: list[str]) -> dict[str, Any]:
+    """Return density, gravity and depth, each from the file, else as given, else the usual one, which is noted."""
+    return {field: constant(path, field, in_file.get(field), given, usual, notes) for field, usual in USUAL.items()}
+
+
 def constant(path: Path | str, field: str, in_file: float | None, given: Mapping[str, float], default: float,
              notes: list[str]) -> float:
     """Return a constant from the file, else the one given, else the default, which is noted.
 
-    InputError if the one given contradicts the file.
+    InputError if the one given contradicts the file, or it is not positive.
     """
-    if in_file is None:
-        if field not in given:
-            notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
-        return _positive(path, field, given.get(field, default))
-    if field in given and not np.isclose(given[field], in_file, rtol=1e-6):
+    value = given.get(field, default) if in_file is None else in_file
+    if in_file is None and field not in given:
+        notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
+    if in_file is not None and field in given and not np.isclose(given[field], in_file, rtol=1e-6):
         raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
-    return _positive(path, field, in_file)
-
-
-def _positive(path: Path | str, field: str, value: float) -> float:
     if not (0.0 < value < np.inf or (field == "depth" and value == np.inf)):
         raise InputError(f"{path}: {field}: must be positive, found {value:g}")
     return float(value)
@@ -125,8 +128,7 @@ def lags_to_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, po
     return np.concatenate(list(force), axis=-1).swapaxes(0, 1)
 
 
-def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tuple[float, ...]] | None,
-                 ) -> tuple[tuple[float, float, float], list[str]]:
+def common_point(path: Path | str, dofs: Sequence[str], points: Points | None) -> tuple[tuple[float, ...], list[str]]:
     """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
 
     `points`: none where the file does not say.
@@ -135,7 +137,7 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Mapping[str, tup
     if points:
         distinct = {tuple(float(v) for v in point) for point in points.values()}
         if len(distinct) == 1:
-            return next(iter(distinct)), []  # type: ignore[return-value]
+            return distinct.pop(), []
         if turning:
             each = "; ".join(f"{name} {tuple(float(v) for v in point)}" for name, point in points.items())
             return UNKNOWN_POINT, [f"{path}: each body's rotations are about its own point [m]: {each}"]
@@ -184,8 +186,7 @@ def _refuse_nan(path: Path | str, name: str, value: FloatArray | ComplexArray | 
 def six_places(dofs: tuple[str, ...], path: Path) -> tuple[list[int], list[str]]:
     """Return the place of each degree of freedom among 6 for each body, and the bodies."""
     names = bodies(dofs)
-    foreign = [dof for dof in dofs if mode(dof) not in RIGID]
-    if foreign:
+    if foreign := [dof for dof in dofs if mode(dof) not in RIGID]:
         raise InputError(f"{path.name}: degree of freedom {foreign[0]!r} has no place in this form; only "
                          f"{', '.join(RIGID)} have (write .json instead)")
     return [6 * names.index(body(dof)) + RIGID.index(mode(dof)) for dof in dofs], names

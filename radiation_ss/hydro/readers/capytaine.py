@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant
+from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constants
 from radiation_ss.reading import check_size, decoded
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SQUARE = {"M": "inertia_matrix", "C": "hydrostatic_stiffness", "D": "friction"}
 ENTRIES, MODES = "hydrostatic_S", ("Heave", "Roll", "Pitch")
-DEFAULTS = {"rho": ("rho", 1000.0), "g": ("g", 9.81), "water_depth": ("depth", np.inf)}
+NAMES = {"rho": "rho", "g": "g", "depth": "water_depth"}
 
 
 def read(path: Path, **given: float) -> HydroData:
@@ -59,13 +59,14 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
                               for field, name in SQUARE.items() if name not in data or ENTRIES not in data[name].dims}
     if "C" not in fields:
         fields["C"] = _stiffness(path, data, dofs)
-    force = _excitation(data)
+    force = data.get("excitation_force")
+    if force is None and "diffraction_force" in data and "Froude_Krylov_force" in data:
+        force = data["diffraction_force"] + data["Froude_Krylov_force"]
     if force is not None:
         if "wave_direction" not in force.dims:
             force = force.expand_dims("wave_direction")
-        X = _values(path, force.to_dataset(name="excitation_force"), "excitation_force",
-                    (along, "wave_direction", "influenced_dof"))
-        fields["X"] = np.conj(X)
+        fields["X"] = np.conj(_values(path, force.to_dataset(name="excitation_force"), "excitation_force",
+                                      (along, "wave_direction", "influenced_dof")))
         fields["directions"] = _directions(path, force)
     point, more = _reference_point(path, data, dofs)
     return assemble(path, np.asarray(data["omega"].values, float), A, B, dofs, reference_point=point,
@@ -98,19 +99,18 @@ def _merge_complex(path: Path | str, data: xr.Dataset) -> xr.Dataset:
     return data.drop_vars("complex", errors="ignore")
 
 
-def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, float], list[str]]:
-    found: dict[str, float] = {}
+def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> tuple[dict[str, Any], list[str]]:
+    in_file: dict[str, float] = {}
     notes: list[str] = []
-    for name, (field, default) in DEFAULTS.items():
-        in_file = None
+    for field, name in NAMES.items():
         if name in data.variables:
             values = np.atleast_1d(np.asarray(data[name].values, float))
             if values.size != 1:
                 raise InputError(f"{path}: {name} has {values.size} values {values.tolist()}; one is needed")
-            in_file = float(values[0])
-        found[field] = constant(path, field, in_file, given, default, notes)
-    if "forward_speed" in data.variables and np.any(np.asarray(data["forward_speed"].values, float) != 0.0):
-        speeds = np.atleast_1d(data["forward_speed"].values)
+            in_file[field] = float(values[0])
+    found = constants(path, in_file, given, notes)
+    speeds = np.atleast_1d(data.variables.get("forward_speed", np.zeros(1))).astype(float)
+    if speeds.any():
         rest = "; take ds.sel(forward_speed=0)" if speeds.size > 1 and np.any(speeds == 0.0) else ""
         raise InputError(f"{path}: forward_speed = {', '.join(f'{v:g}' for v in speeds)} m/s; only zero speed is "
                          f"supported{rest}")
@@ -119,14 +119,12 @@ def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> t
 
 def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, str]:
     """Return the dataset with a variable omega [rad/s], and the dimension along which it runs."""
+    if not {"omega", "period", "freq"} & set(data.variables):
+        raise InputError(f"{path}: no coordinate omega [rad/s], period [s] or freq [Hz]")
     if "omega" not in data.variables:
-        if "period" in data.variables:
-            with np.errstate(divide="ignore"):
-                data = data.assign_coords(omega=2.0 * np.pi / data["period"])
-        elif "freq" in data.variables:
-            data = data.assign_coords(omega=2.0 * np.pi * data["freq"])
-        else:
-            raise InputError(f"{path}: no coordinate omega [rad/s], period [s] or freq [Hz]")
+        with np.errstate(divide="ignore"):
+            data = data.assign_coords(omega=2.0 * np.pi / data["period"] if "period" in data.variables
+                                      else 2.0 * np.pi * data["freq"])
     if data["omega"].ndim == 0:
         data = data.drop_vars("omega").expand_dims(omega=[float(data["omega"])])
     if data["omega"].ndim != 1:
@@ -148,14 +146,10 @@ def _dofs(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ..
         data = data.assign_coords({dim: labels})
         names[dim] = labels
     moving, feeling = names["radiating_dof"], names["influenced_dof"]
-    absent = [dof for dof in moving if dof not in feeling]
-    if absent:
+    if absent := [dof for dof in moving if dof not in feeling]:
         raise InputError(f"{path}: radiating_dof {absent} are not among influenced_dof {feeling}")
-    order = [dof for dof in feeling if dof in moving]
-    notes = []
-    if len(order) < len(feeling):
-        rest = [dof for dof in feeling if dof not in moving]
-        notes.append(f"{path}: {', '.join(rest)}: no radiation computed; only {', '.join(order)} read")
+    order, rest = [dof for dof in feeling if dof in moving], [dof for dof in feeling if dof not in moving]
+    notes = [f"{path}: {', '.join(rest)}: no radiation computed; only {', '.join(order)} read"] if rest else []
     return data.sel(radiating_dof=order, influenced_dof=order), tuple(order), notes
 
 
@@ -192,14 +186,6 @@ def _stiffness(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) -> Flo
     return C
 
 
-def _excitation(data: xr.Dataset) -> xr.DataArray | None:
-    if "excitation_force" in data:
-        return data["excitation_force"]
-    if "diffraction_force" in data and "Froude_Krylov_force" in data:
-        return data["diffraction_force"] + data["Froude_Krylov_force"]
-    return None
-
-
 def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
     if "wave_direction" not in force.coords:
         return np.zeros(force.sizes["wave_direction"])
@@ -214,7 +200,7 @@ def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
 
 
 def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
-                     ) -> tuple[tuple[float, float, float], list[str]]:
+                     ) -> tuple[tuple[float, ...], list[str]]:
     """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
     name = next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)
     if name is None:
@@ -241,11 +227,9 @@ def to_dataset(data: HydroData) -> xr.Dataset:
 
     low, high = data.A_zero is not None, data.A_inf is not None
     omega = np.concatenate([[0.0] * low, data.omega, [np.inf] * high])
-    A = _with_rows(data.A, data.A_zero, data.A_inf)
-    zero = np.zeros((data.n, data.n))
-    B = _with_rows(data.B, zero if low else None, zero if high else None)
-    square = ("influenced_dof", "radiating_dof")
-    names = list(data.dofs)
+    A = np.stack([matrix for matrix in (data.A_zero, *data.A, data.A_inf) if matrix is not None])
+    B = np.pad(data.B, ((low, high), (0, 0), (0, 0)))
+    square, names = ("influenced_dof", "radiating_dof"), list(data.dofs)
     out = xr.Dataset({"added_mass": (("omega", *square), A), "radiation_damping": (("omega", *square), B)},
                      coords={"omega": omega, "influenced_dof": names, "radiating_dof": names, "rho": data.rho,
                              "g": data.g, "water_depth": data.depth})
@@ -254,8 +238,7 @@ def to_dataset(data: HydroData) -> xr.Dataset:
         if value is not None:
             out[name] = (square, value)
     if data.X is not None:
-        gap = np.full(data.X.shape[1:], complex(np.nan, np.nan))
-        X = np.conj(_with_rows(data.X, gap if low else None, gap if high else None))
+        X = np.pad(data.X.conj(), ((low, high), (0, 0), (0, 0)), constant_values=complex(np.nan, -np.nan))
         out["excitation_force"] = (("complex", "omega", "wave_direction", "influenced_dof"), np.stack([X.real, X.imag]))
         out = out.assign_coords(complex=["re", "im"], wave_direction=data.directions)
         out["wave_direction"].attrs["units"] = "rad"
@@ -281,7 +264,3 @@ def netcdf(data: HydroData) -> bytes:
         out.dump_to_store(H5NetCDFStore(file), encoding=checked)
     return raw.getvalue()
 
-
-def _with_rows(rows: Any, first: Any, last: Any) -> FloatArray | ComplexArray:
-    parts = [rows] if first is None else [first[None], rows]
-    return np.concatenate(parts if last is None else [*parts, last[None]])

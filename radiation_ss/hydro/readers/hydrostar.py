@@ -15,7 +15,9 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, constants, delay
+
+CONSTANTS = {"rho": "Water density (rho)", "g": "Gravity acceleration", "depth": "Waterdepth"}  # in the head
 
 
 class RaoTable(NamedTuple):
@@ -39,22 +41,20 @@ def read(path: Path, **given: float) -> HydroData:
                       for i in range(1, 7)]) for name in ("AddedMass", "WaveDamping"))
     notes = [f"{folder}: phases of the exciting force taken as leads (as HAMS writes this form)"]
     endless = first.head.get("Waterdepth", "").lower().startswith("inf")
-    rho, g, depth = (constant(folder, field, np.inf if field == "depth" and endless else
-                              _numbers(folder, first.head, name, 1)[0], given, np.nan, notes)
-                     for field, name in (("rho", "Water density (rho)"), ("g", "Gravity acceleration"),
-                                         ("depth", "Waterdepth")))
+    stated = constants(folder, {field: np.inf if field == "depth" and endless else
+                                _numbers(folder, first.head, name, 1)[0] for field, name in CONSTANTS.items()},
+                       given, notes)
     point = _numbers(folder, first.head, "Reference point of body 1", 3)
     omega = np.where(first.omega < 0.0, np.inf, first.omega)
     fields: dict[str, Any] = {}
     if (folder / "Excitation_1.rao").is_file():
         tables = [_same(folder, first, f"Excitation_{i}.rao") for i in range(1, 7)]
-        angle = np.deg2rad(tables[0].heading)
-        point_of_wave = _numbers(folder, tables[0].head, "Ref.pt incident wave", 2)
-        fields["X"] = (np.stack([t.values for t in tables], axis=-1)
-                       * delay(omega, angle, point_of_wave, g, depth)[:, :, None])
-        fields["directions"] = angle
-    return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), RIGID, rho=rho, g=g, depth=depth,
-                    reference_point=(point[0], point[1], point[2]), notes=notes, **fields)
+        fields["directions"] = angle = np.deg2rad(tables[0].heading)
+        lag = delay(omega, angle, _numbers(folder, tables[0].head, "Ref.pt incident wave", 2), stated["g"],
+                    stated["depth"])
+        fields["X"] = np.stack([t.values for t in tables], axis=-1) * lag[:, :, None]
+    return assemble(folder, omega, A.transpose(2, 0, 1), B.transpose(2, 0, 1), RIGID, notes=notes,
+                    reference_point=tuple(point), **stated, **fields)
 
 
 def _same(folder: Path, first: RaoTable, name: str) -> RaoTable:

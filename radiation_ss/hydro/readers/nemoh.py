@@ -15,7 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, common_point, constant, delay
+from radiation_ss.hydro.readers.assemble import Points, assemble, constants, delay
 
 UNITS = {"rad/s": lambda x: x, "hz": lambda x: 2.0 * np.pi * x, "(s)": lambda x: 2.0 * np.pi / x}
 
@@ -26,9 +26,9 @@ class NemohCase(NamedTuple):
     rho: float
     g: float
     depth: float
-    wave_at: tuple[float, float]
+    wave_at: tuple[float, ...]
     dofs: tuple[str, ...]
-    points: dict[str, tuple[float, ...]]
+    points: Points
     bodies: int
     directions: int
 
@@ -47,92 +47,73 @@ def read(path: Path, **given: float) -> HydroData:
     InputError if Nemoh.cal or the radiation coefficients are missing, or counts do not fit.
     """
     folder = path if path.is_dir() else path.parent
-    case = _case(_find(folder, "Nemoh.cal", needed=True))
+    case = _case(_needed(folder, "Nemoh.cal"))
     n = len(case.dofs)
     notes: list[str] = []
-    rho = constant(folder, "rho", case.rho, given, case.rho, notes)
-    g = constant(folder, "g", case.g, given, case.g, notes)
-    depth = constant(folder, "depth", case.depth, given, case.depth, notes)
-    omega, A, B = _radiation(_find(folder, "RadiationCoefficients.tec", needed=True), n)
+    stated = constants(folder, case._asdict(), given, notes)
+    omega, A, B = _radiation(_needed(folder, "RadiationCoefficients.tec"), n)
     fields: dict[str, Any] = {}
     forces = _find(folder, "ExcitationForce.tec")
     if forces is not None:
         angle, X = _forces(forces, n, omega)
         if angle.size != case.directions:
             raise InputError(f"{forces}: {angle.size} directions found, {case.directions} needed as Nemoh.cal says")
-        fields["X"] = np.conj(X) * delay(omega, angle, case.wave_at, g, depth)[:, :, None]
+        fields["X"] = np.conj(X) * delay(omega, angle, case.wave_at, stated["g"], stated["depth"])[:, :, None]
         fields["directions"] = angle
-    for field, names in (("M", ["Inertia.dat"]), ("C", ["Kh.dat", "KH.dat"])):
-        fields[field] = _hydrostatic(folder, names, case, notes)
-    point, more = common_point(folder, case.dofs, case.points or None)
-    return assemble(folder, omega, A, B, case.dofs, rho=rho, g=g, depth=depth, reference_point=point,
-                    notes=notes + more, **fields)
+    for field, name in (("M", "Inertia.dat"), ("C", "KH.dat")):
+        fields[field] = _hydrostatic(_find(folder, name), case, notes)
+    return assemble(folder, omega, A, B, case.dofs, points=case.points, notes=notes, **stated, **fields)
 
 
-def _find(folder: Path, name: str, needed: bool = False) -> Any:
+def _find(folder: Path, name: str) -> Path | None:
     """Return the path of a file of the run, whatever the case of its letters."""
     try:
         places = [folder, *(p for p in sorted(folder.iterdir()) if p.is_dir()
                             and p.name.lower() in ("results", "mesh", "mechanics"))]
-        for place in places:
-            for candidate in sorted(place.iterdir()):
-                if candidate.name.lower() == name.lower() and candidate.is_file():
-                    return candidate
+        return next((file for place in places for file in sorted(place.iterdir())
+                     if file.name.lower() == name.lower() and file.is_file()), None)
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror})") from None
-    if needed:
+
+
+def _needed(folder: Path, name: str) -> Path:
+    path = _find(folder, name)
+    if path is None:
         raise InputError(f"{folder}: {name} is missing; a NEMOH run's folder is needed")
-    return None
+    return path
 
 
 def _case(path: Path) -> NemohCase:
-    rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip() and not line.strip().startswith("---")]
-    at = iter(rows)
+    file = text.Lines(path, comment=lambda line: line.strip().startswith("---"))
 
-    def numbers(count: int, what: str) -> list[float]:
-        k, line = following(what)
-        return text.leading(path, k, line.partition("!")[0], count, what)
+    def whole(what: str, most: int = 100) -> int:
+        value = file.leading(1, what)[0]
+        return 0 if value == 0 else file.index(value, most, what)
 
-    def following(what: str) -> tuple[int, str]:
-        try:
-            return next(at)
-        except StopIteration:
-            raise InputError(f"{path}: the file ends where {what} is expected") from None
-
-    def whole(what: str, most: int) -> int:
-        k, line = following(what)
-        value = text.leading(path, k, line.partition("!")[0], 1, what)[0]
-        return 0 if value == 0 else text.index(path, k, value, most, what)
-
-    rho, g, depth = (numbers(1, what)[0] for what in ("density", "gravity", "depth"))
-    wave_at = numbers(2, "wave measurement point")
-    count = whole("number of bodies", 100)
-    names: list[list[str]] = []
+    rho, g, depth = (file.leading(1, what)[0] for what in ("density", "gravity", "depth"))
+    wave_at = tuple(file.leading(2, "wave measurement point"))
+    dofs: list[str] = []
     points: dict[str, tuple[float, ...]] = {}
+    count = whole("number of bodies")
     for b in range(count):
-        mesh = following("name of the mesh file")[1].partition("!")[0].strip()
+        mesh = file.take("name of the mesh file").partition("!")[0].strip()
         body = re.split(r"[\\/]", mesh)[-1].rsplit(".", 1)[0] or f"body{b + 1}"
-        following("number of points and panels")
-        modes = [numbers(7, "degree of freedom: kind, direction, point")
-                 for _ in range(whole("number of degrees of freedom", 100))]
-        forces = [numbers(7, "force: kind, direction, point")
-                  for _ in range(whole("number of resulting forces", 100))]
+        file.take("number of points and panels")
+        modes, forces = ([file.leading(7, f"{what}: kind, direction, point") for _ in range(whole(f"number of {many}"))]
+                         for what, many in (("degree of freedom", "degrees of freedom"), ("force", "resulting forces")))
         if modes != forces:
             raise InputError(f"{path}: body {b + 1}: its resulting forces are not those of its degrees of freedom")
-        for _ in range(whole("number of lines of additional information", 100)):
-            following("additional information")
-        names.append([_mode_name(mode, k) for k, mode in enumerate(modes, 1)])
+        for _ in range(whole("number of lines of additional information")):
+            file.take("additional information")
+        dofs += [f"{body}__" * (count > 1) + _mode_name(mode, k) for k, mode in enumerate(modes, 1)]
         turning = {tuple(mode[4:]) for mode in modes if mode[0] == 2.0}
         if len(turning) == 1:
-            points[f"{body}"] = turning.pop()
-        if count > 1:
-            names[-1] = [f"{body}__{name}" for name in names[-1]]
-    dofs = tuple(name for group in names for name in group)
+            points[body] = turning.pop()
     if not dofs or len(set(dofs)) < len(dofs):
-        raise InputError(f"{path}: degrees of freedom {list(dofs)} are empty or there twice")
-    following("frequencies")
-    return NemohCase(rho, g, np.inf if depth == 0.0 else depth, (wave_at[0], wave_at[1]), dofs,
-                points, count, whole("number of wave directions", 10_000))
+        raise InputError(f"{path}: degrees of freedom {dofs} are empty or there twice")
+    file.take("frequencies")
+    return NemohCase(rho, g, depth or np.inf, wave_at, tuple(dofs), points, count,
+                     whole("number of wave directions", 10_000))
 
 
 def _mode_name(mode: list[float], k: int) -> str:
@@ -203,9 +184,8 @@ def _forces(path: Path, n: int, omega: FloatArray) -> tuple[FloatArray, ComplexA
     return np.deg2rad(angle), rows[:, :, 1::2] * np.exp(1j * rows[:, :, 2::2])
 
 
-def _hydrostatic(folder: Path, names: list[str], case: NemohCase, notes: list[str]) -> FloatArray | None:
+def _hydrostatic(path: Path | None, case: NemohCase, notes: list[str]) -> FloatArray | None:
     """Return a 6 x 6 matrix file for the degrees of freedom there are; several bodies are not put together."""
-    path = next((found for name in names if (found := _find(folder, name)) is not None), None)
     if path is None:
         return None
     if case.bodies > 1 or any(dof not in RIGID for dof in case.dofs):

@@ -24,6 +24,12 @@ POSITIVE = {"SurgePositive": ("forward", "aft"), "SwayPositive": ("port", "starb
             "YawPositiveBow": ("port", "starboard")}  # ours and the other
 WAVES = {"frequency (rad/s)": lambda x: x, "frequency (Hz)": lambda x: 2.0 * np.pi * x,
          "period (s)": lambda x: 2.0 * np.pi / x}
+# The up-crossing is a quarter period before the crest: what leads it leads the crest by that much more.
+MEANS = {"RAOPhaseConvention": {"leads": 1.0, "lags": -1.0},
+         "RAOPhaseUnitsConvention": {"degrees": np.pi / 180.0, "radians": 1.0},
+         "RAOPhaseRelativeToConvention": {"crest": 0.0, "trough": np.pi, "zero up-crossing": np.pi / 2.0,
+                                          "zero down-crossing": -np.pi / 2.0},
+         "RAOWaveUnit": {"amplitude": 1.0, "double amplitude": 2.0}}
 RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
 Tree = dict[str, Any]
 
@@ -62,13 +68,13 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
     point = np.array([*origin[:2], length * datum])
     fields: dict[str, Any] = {"M": _mass(file, draught, mass, length, origin), "C": C}
     if "LoadRAOs" in draught and draught["LoadRAOs"].get("RAOs"):
-        found = _forces(file, kind, draught["LoadRAOs"], omega, force / length * length ** power)
-        about = file.table(draught["LoadRAOs"], "RAOOrigin", (3,))
-        phase = about if file.default(draught["LoadRAOs"], "PhaseOrigin") else file.table(
-            draught["LoadRAOs"], "PhaseOrigin", (3,))
+        raos = draught["LoadRAOs"]
+        X, angle = _forces(file, kind, raos, omega, force / length * length ** power)
+        about = file.table(raos, "RAOOrigin", (3,))
+        phase = about if file.default(raos, "PhaseOrigin") else file.table(raos, "PhaseOrigin", (3,))
         if np.allclose(length * about, origin):
-            fields["X"] = found[0] * delay(omega, found[1], (length * phase).tolist(), g, depth)[:, :, None]
-            fields["directions"] = found[1]
+            fields |= {"X": X * delay(omega, angle, (length * phase).tolist(), g, depth)[:, :, None],
+                       "directions": angle}
         else:
             notes.append(f"{path}: load RAOs are about another point than the added mass; X is left out")
     return assemble(path, omega, A, B, RIGID, rho=rho, g=g, depth=depth, notes=notes,
@@ -88,18 +94,12 @@ def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatA
 def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
             scale: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """Return X [frequency, direction, i] on the rows of the added mass, and directions [rad]."""
-    says = {key: str(vessel.get(key)) for key in ("RAOPhaseConvention", "RAOPhaseUnitsConvention",
-                                                  "RAOPhaseRelativeToConvention", "RAOWaveUnit")}
-    side = [(str(vessel.get(key)), both) for key, both in POSITIVE.items()]
-    sign = np.array([1.0 if word == both[0] else -1.0 for word, both in side])
-    turn = {"crest": 0.0, "trough": np.pi, "zero up-crossing": np.pi / 2.0, "zero down-crossing": -np.pi / 2.0}
-    if (any(word not in both for word, both in side) or says["RAOPhaseConvention"] not in ("leads", "lags")
-            or says["RAOPhaseUnitsConvention"] not in ("degrees", "radians")
-            or says["RAOPhaseRelativeToConvention"] not in turn
-            or says["RAOWaveUnit"] not in ("amplitude", "double amplitude")):
-        raise InputError(f"{file.path}: conventions of the load RAOs {says}, signs {[w for w, _ in side]} not known")
-    unit = np.pi / 180.0 if says["RAOPhaseUnitsConvention"] == "degrees" else 1.0
-    X = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
+    says = {key: str(vessel.get(key)) for key in (*MEANS, *POSITIVE)}
+    if strange := {key: word for key, word in says.items() if word not in {**MEANS, **POSITIVE}[key]}:
+        raise InputError(f"{file.path}: conventions of the load RAOs {strange} not known")
+    lead, unit, turn, factor = (means[says[key]] for key, means in MEANS.items())
+    sign = np.array([1.0 if says[key] == ours else -1.0 for key, (ours, _) in POSITIVE.items()])
+    X: ComplexArray = np.full((omega.size, len(raos["RAOs"]), 6), complex(np.nan, np.nan))
     for h, rao in enumerate(raos["RAOs"]):
         rows = file.table(rao, "RAOPeriodOrFrequency", (None, RAO_COLUMNS), limits=True)
         for w, row in zip(file.omega(vessel, rows[:, 0]), rows):
@@ -108,12 +108,10 @@ def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
             at = np.flatnonzero(np.isclose(omega, w, rtol=1e-6, atol=0.0))
             if at.size != 1:
                 raise InputError(f"{file.path}: a load RAO at {w:g} rad/s, where there is no added mass")
-            phase = unit * row[2::2] * (1.0 if says["RAOPhaseConvention"] == "leads" else -1.0)
-            # The up-crossing is a quarter period before the crest: what leads it leads the crest by that much more.
-            X[at[0], h] = row[1::2] * scale * sign * np.exp(1j * (phase + turn[says["RAOPhaseRelativeToConvention"]]))
+            X[at[0], h] = row[1::2] * scale * sign * np.exp(1j * (unit * row[2::2] * lead + turn))
     if np.isnan(X[(omega > 0.0) & np.isfinite(omega)]).any():
         raise InputError(f"{file.path}: the load RAOs lack a frequency of the added mass")
-    X *= 2.0 if says["RAOWaveUnit"] == "double amplitude" else 1.0
+    X *= factor
     return X, np.deg2rad(np.array([file.number(rao, "RAODirection") for rao in raos["RAOs"]]))
 
 

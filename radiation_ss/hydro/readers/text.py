@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from radiation_ss.errors import InputError
@@ -75,3 +75,46 @@ def head_and_rows(path: Path, head: int, what: str) -> tuple[list[str], list[lis
     if len(found) <= head:
         raise InputError(f"{path}: not {what}: {head} header lines, then rows of numbers are needed")
     return found[:head], [row(path, k, text, None, what) for k, text in enumerate(found) if k >= head and text.strip()]
+
+
+class Lines:
+    """The lines of a file that hold something, and a place among them; every number that is taken is checked."""
+
+    def __init__(self, path: Path, comment: Callable[[str], bool]) -> None:
+        self.path, self.text = path, lines(path)
+        self.rows = [(k, line) for k, line in enumerate(self.text) if line.strip() and not comment(line)]
+        self.at = 0
+
+    @property
+    def k(self) -> int:
+        """Number of the line that was taken last, counted from 0."""
+        return self.rows[self.at - 1][0] if self.at else -1
+
+    def wrong(self, what: str) -> InputError:
+        """Return the error of the line that was taken last."""
+        return InputError(f"{self.path}, line {self.k + 1}: {what}")
+
+    def ahead(self) -> str | None:
+        """Return the line ahead, None at the end of the file."""
+        return self.rows[self.at][1].strip() if self.at < len(self.rows) else None
+
+    def take(self, what: str) -> str:
+        """Return the next line."""
+        if self.ahead() is None:
+            raise self.wrong(f"the file ends where {what} is expected")
+        self.at += 1
+        return self.rows[self.at - 1][1]
+
+    def row(self, columns: int | Iterable[int], what: str) -> list[float]:
+        """Return the numbers of the next line, see `row`."""
+        line = self.take(what)
+        return row(self.path, self.k, line, columns, what)
+
+    def leading(self, count: int, what: str) -> list[float]:
+        """Return the first numbers of the next line, see `leading`."""
+        line = self.take(what)
+        return leading(self.path, self.k, line.partition("!")[0], count, what)
+
+    def index(self, value: float, most: int, what: str) -> int:
+        """Return a count or index of the line that was taken last, see `index`."""
+        return index(self.path, self.k, value, most, what)

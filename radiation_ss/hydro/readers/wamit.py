@@ -15,8 +15,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, mode
 from radiation_ss.hydro.readers import text, wamit_out
-from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constant, log, six_dofs
-from radiation_ss.hydro.readers.wamit_out import Entries, Forces, Header, Radiation
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constant, constants, log, six_dofs
+from radiation_ss.hydro.readers.wamit_out import MOST_MODES, Entries, Forces, Header, Radiation, Table, add
 
 
 def read(path: Path, *, length: float | None = None, first_column: str | None = None, **given: float) -> HydroData:
@@ -25,44 +25,36 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     The files .1, .2, .3, .hst of one stem are read together; an .out beside them gives gravity, length scale, depth and
     body axes. An .out is read alone; its phases are whole degrees.
     """
-    notes: list[str] = []
     if path.suffix.lower() in (".out", ".wamit"):
-        first_column = "period"
-        header, radiation, forces = wamit_out.parse_out(path)
-        stiffness = header.stiffness
-        main = path
-    else:
-        main = _sibling(path, ".1") or path.with_suffix(".1")
-        if not main.exists():
-            raise InputError(f"{main}: no such file; added mass and damping are in the .1 file")
-        radiation = parse_1(main, notes)
-        beside = _sibling(path, ".3") or _sibling(path, ".2")
-        forces = parse_3(beside, radiation.modes) if beside else None
-        hst, out = _sibling(path, ".hst"), _sibling(path, ".out")
-        stiffness = parse_hst(hst, notes) if hst else None
-        header = wamit_out.parse_header(out) if out else Header()
-    header.notes[:0] = notes
-    return _dimensional(main, header, radiation, forces, stiffness, length, first_column, given)
+        return _dimensional(path, *wamit_out.parse_out(path), length, "period", given)
+    main, *others = (_sibling(path, suffix) for suffix in (".1", ".3", ".2", ".hst", ".out"))
+    if main is None:
+        raise InputError(f"{path.with_suffix('.1')}: no such file; added mass and damping are in the .1 file")
+    diffraction, haskind, hst, out = others
+    notes: list[str] = []
+    radiation = parse_1(main, notes)
+    beside = diffraction or haskind
+    forces = parse_3(beside, radiation.modes) if beside else None
+    stiffness = parse_hst(hst, notes) if hst else None
+    header = wamit_out.parse_header(out) if out else Header()
+    header.stiffness, header.notes[:0] = stiffness, notes
+    return _dimensional(main, header, radiation, forces, length, first_column, given)
 
 
 def _sibling(path: Path, suffix: str) -> Path | None:
-    for name in (suffix, suffix.upper()):
-        if path.with_suffix(name).exists():
-            return path.with_suffix(name)
-    return None
+    places = (path.with_suffix(name) for name in (suffix, suffix.upper()))
+    return next((place for place in places if place.exists()), None)
 
 
-def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Forces | None,
-                 stiffness: FloatArray | None, length: float | None, first_column: str | None,
-                 given: dict[str, float]) -> HydroData:
+def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Forces | None, length: float | None,
+                 first_column: str | None, given: dict[str, float]) -> HydroData:
     notes: list[str] = []
     if "rho" not in given:
         log.warning("%s: WAMIT files do not carry the density; rho = 1000 kg/m^3 assumed (option rho=)", path)
-    rho = constant(path, "rho", None, given, 1000.0, notes)
-    g = constant(path, "g", header.g, given, 9.81, notes)
-    depth = constant(path, "depth", header.depth, given, np.inf, notes)
+    stated = constants(path, {"g": header.g, "depth": header.depth}, given, notes)
+    rho, g, depth = stated.values()
     L = constant(path, "length", header.length, {} if length is None else {"length": length}, 1.0, notes)
-    modes = radiation.modes
+    modes, stiffness = radiation.modes, header.stiffness
     names, more = _names(path, modes, len(header.points), 0 if stiffness is None else len(stiffness), L)
     notes += more
     dofs = [names[m - 1] for m in modes]
@@ -92,9 +84,7 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
         fields["directions"] = np.deg2rad(forces.heading)
     rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
-    point, more = common_point(path, dofs, points)
-    return assemble(path, omega, A, B, dofs, rho=rho, g=g, depth=depth, reference_point=point,
-                    notes=[*notes, *header.notes, *more], **fields)
+    return assemble(path, omega, A, B, dofs, points=points, notes=[*notes, *header.notes], **stated, **fields)
 
 
 def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) -> tuple[tuple[str, ...], list[str]]:
@@ -134,20 +124,19 @@ def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
 
 def parse_1(path: Path, notes: list[str]) -> Radiation:
     """Parse PER I J A [B]; damping is absent in the limits of zero and infinite frequency."""
-    table: dict[float, Entries] = {}
-    last = 0
+    table: Table = {}
+    k = 0
     for k, line in _data_lines(path):
         what = "period, i, j, added mass, damping"
         values = text.row(path, k, line, (4, 5), what)
         if len(values) == 4 and values[0] > 0.0:
             raise InputError(f"{path}, line {k + 1}: 4 columns found, 5 needed ({what})")
-        wamit_out.add_radiation(path, k, values[1:], table.setdefault(values[0], {}))
-        last = k
+        add(path, k, table.setdefault(values[0], {}), values[1:3], (*values[3:], 0.0)[:2])
     _drop_empty_limit(path, table, notes)
-    return wamit_out.matrices(path, table, last)
+    return wamit_out.matrices(path, table, k)
 
 
-def _drop_empty_limit(path: Path, table: dict[float, Entries], notes: list[str]) -> None:
+def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
     """Leave out a limit without added mass; refuse WAMIT's impulse responses, which begin at time 0 with zeros."""
     column = np.array(sorted(value for value in table if value >= 0.0))
     if column.size < 3 or column[0] > 0.0 or any(a for a, _ in table[0.0].values()):
@@ -161,20 +150,19 @@ def _drop_empty_limit(path: Path, table: dict[float, Entries], notes: list[str])
 
 def parse_3(path: Path, modes: list[int]) -> Forces:
     """Parse PER BETA I MOD PHASE RE IM."""
-    table: dict[tuple[float, float], dict[int, complex]] = {}
+    table: Table = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 7, "period, heading, i, modulus, phase, real, imaginary part")
-        entries = table.setdefault((values[0], values[1]), {})
-        wamit_out.add_force(path, k, values[2], complex(values[5], values[6]), entries)
+        add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], complex(values[5], values[6]))
     return wamit_out.force_array(path, table, modes)
 
 
 def parse_hst(path: Path, notes: list[str]) -> FloatArray:
     """Parse I J C into a matrix; a file holds all entries of its modes. Rows that repeat are noted."""
-    found: dict[tuple[int, int], float] = {}
+    found: Entries = {}
     for k, line in _data_lines(path):
         values = text.row(path, k, line, 3, "i, j, stiffness")
-        i, j = (text.index(path, k, value, wamit_out.MOST_MODES, "mode") for value in values[:2])
+        i, j = (text.index(path, k, value, MOST_MODES, "mode") for value in values[:2])
         if found.get((i, j), values[2]) != values[2]:
             raise InputError(f"{path}, line {k + 1}: modes {i}, {j} are there twice, with different stiffness")
         if (i, j) in found:
@@ -184,18 +172,13 @@ def parse_hst(path: Path, notes: list[str]) -> FloatArray:
     if size < 6 or len(found) != size ** 2:
         raise InputError(f"{path}: {len(found)} entries of the stiffness up to mode {size}; all {max(size, 6) ** 2} of "
                          f"{max(size, 6)} modes are needed: the file is cut off")
-    C = np.zeros((size, size))
-    for (i, j), value in found.items():
-        C[i - 1, j - 1] = value
-    return C
+    return np.array([found[at] for at in sorted(found)]).reshape(size, size)
 
 
 def _data_lines(path: Path) -> list[tuple[int, str]]:
     """Return the numbered lines with content; a first line of words is WAMIT's header."""
     rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip()]
-    if rows and text.number(rows[0][1].split()[0]) is None:
-        rows = rows[1:]
-    return rows
+    return rows[1:] if rows and text.number(rows[0][1].split()[0]) is None else rows
 
 
 COLUMN = dict(zip((4, 3, 2, 1, 5), wamit_out.READINGS))  # Output_frequency_type

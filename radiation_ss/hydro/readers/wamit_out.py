@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -49,10 +50,10 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     return header, rows, force_array(path, forces, rows.modes) if forces else None
 
 
-def _tables(path: Path, lines: list[str]) -> tuple[dict[float, Entries], ForceTable]:
+def _tables(path: Path, lines: list[str]) -> tuple[Table, Table]:
     """Return the radiation of each period and the forces, from diffraction where both tables are there."""
-    radiation: dict[float, Entries] = {}
-    forces: dict[str, ForceTable] = {"DIFFRACTION": {}, "HASKIND": {}}
+    radiation: Table = {}
+    forces: dict[str, Table] = {"DIFFRACTION": {}, "HASKIND": {}}
     begun: dict[str, set[float]] = {"DIFFRACTION": set(), "HASKIND": set()}
     period, kind, heading = 0.0, "", None
     for k, line in enumerate(lines):
@@ -75,13 +76,13 @@ def _tables(path: Path, lines: list[str]) -> tuple[dict[float, Entries], ForceTa
                 raise InputError(f"{path}, line {k + 1}: coefficients without a line 'Wave period' above them")
             if kind == "radiation":
                 values = text.row(path, k, line, 4 if period > 0.0 else 3, "i, j, added mass, and of no limit damping")
-                add_radiation(path, k, values, radiation[period])
+                add(path, k, radiation[period], values[:2], (*values[2:], 0.0)[:2])
             elif heading is None:
                 raise InputError(f"{path}, line {k + 1}: exciting forces without a line 'Wave Heading' above them")
             else:
                 mode, size, phase = text.row(path, k, line, 3, "i, modulus, phase [deg]")
-                add_force(path, k, abs(mode), size * complex(np.exp(1j * np.deg2rad(phase))),
-                          forces[kind].setdefault((period, heading), {}))
+                add(path, k, forces[kind].setdefault((period, heading), {}), [abs(mode)],
+                    size * complex(np.exp(1j * np.deg2rad(phase))))
     for name in forces:
         if begun[name] != {period for period, _ in forces[name]}:
             raise InputError(f"{path}: a table of {name} exciting forces has no rows; the file is cut off")
@@ -100,30 +101,22 @@ def _listed(lines: list[str]) -> int:
     return sum(1 for _ in rows)
 
 
-def add_radiation(path: Path, k: int, values: list[float], entries: Entries) -> None:
-    """Add i, j, added mass and damping, if it is there, of line `k` to those of a period."""
-    i, j = (text.index(path, k, v, MOST_MODES, "mode") for v in values[:2])
-    if (i, j) in entries:
-        raise InputError(f"{path}, line {k + 1}: this period with modes {i}, {j} is there twice")
-    entries[i, j] = (values[2], values[3] if len(values) == 4 else 0.0)
-
-
-def add_force(path: Path, k: int, mode: float, value: complex, entries: dict[int, complex]) -> None:
-    """Add the force of line `k` on a mode to those of a period and heading."""
-    i = text.index(path, k, mode, MOST_MODES, "mode")
-    if i in entries:
-        raise InputError(f"{path}, line {k + 1}: mode {i} is there twice for this period and heading")
-    entries[i] = value
+def add(path: Path, k: int, entries: Entries, modes: Sequence[float], value: Any) -> None:
+    """Add what line `k` says of modes (i, j), or of mode (i,), to the entries of a period, or of one with a heading."""
+    at = tuple(text.index(path, k, mode, MOST_MODES, "mode") for mode in modes)
+    if at in entries:
+        raise InputError(f"{path}, line {k + 1}: entry {', '.join(map(str, at))} is there twice for this period"
+                         f"{' and heading' * (len(at) == 1)}")
+    entries[at] = value
 
 
 def _period(path: Path, k: int, line: str) -> float:
     """Return the period [s]; WAMIT's own marks for the limits: -1 infinite, 0 zero."""
-    value = line.partition("=")[2].split()
-    if value[:1] == ["infinite"]:
-        return -1.0
-    if value[:1] == ["zero"]:
-        return 0.0
-    period = text.leading(path, k, " ".join(value), 1, "wave period [s]")[0]
+    value = line.partition("=")[2]
+    for word, mark in (("infinite", -1.0), ("zero", 0.0)):
+        if value.split()[:1] == [word]:
+            return mark
+    period = text.leading(path, k, value, 1, "wave period [s]")[0]
     if period <= 0.0:
         raise InputError(f"{path}, line {k + 1}: wave period {period:g} s is not positive")
     return period
@@ -150,10 +143,10 @@ def parse_header(path: Path, lines: list[str] | None = None) -> Header:
             header.notes.append(f"{path}: interior tanks; their own restoring (line {k + 1}) is not in C")
         elif line.startswith("C(3,3)"):
             blocks.append(_stiffness(path, k, lines))
-    wanted = {"gravity and length scale": header.g, "water depth": header.depth, "XBODY": header.points or None}
-    lost = [name for name, value in wanted.items() if value is None]
-    if lost:
-        raise InputError(f"{path}: no line with {lost[0]} at its head")
+    for name, absent in (("gravity and length scale", header.g is None), ("water depth", header.depth is None),
+                         ("XBODY", not header.points)):
+        if absent:
+            raise InputError(f"{path}: no line with {name} at its head")
     rows = sum("C(4,4)" in line for line in lines), sum("C(5,5)" in line for line in lines)
     if {*rows, len(blocks)} - {0, len(header.points)} or len({*rows, len(blocks)}) > 1:
         raise InputError(f"{path}: restoring coefficients of {len(blocks)} bodies, body axes of {len(header.points)}")
@@ -177,8 +170,8 @@ def _stiffness(path: Path, k: int, lines: list[str]) -> FloatArray:
 
 
 MOST_MODES = 600
-Entries = dict[tuple[int, int], tuple[float, float]]
-ForceTable = dict[tuple[float, float], dict[int, complex]]  # of (period, heading): by mode
+Entries = dict[tuple[int, ...], Any]  # by modes: added mass and damping of (i, j), force of (i,)
+Table = dict[Any, Entries]            # by period, forces by period and heading
 
 
 class Radiation(NamedTuple):
@@ -198,43 +191,37 @@ class Forces(NamedTuple):
     X: ComplexArray
 
 
-def matrices(path: Path, table: dict[float, Entries], last: int) -> Radiation:
-    """Return arrays of the entries, which all periods must have alike; absent ones are zero by symmetry."""
+def usual_modes(path: Path | str, table: Mapping[str, Entries], what: str) -> frozenset[tuple[int, ...]]:
+    """Return the modes of the entries, which must be the same in each part of a file; parts go by their names."""
     if not any(table.values()):
-        raise InputError(f"{path}: no added mass in it")
-    usual = Counter(frozenset(entries) for entries in table.values()).most_common(1)[0][0]
-    for per, entries in table.items():
+        raise InputError(f"{path}: no {what} in it")
+    usual = Counter(map(frozenset, table.values())).most_common(1)[0][0]
+    for name, entries in table.items():
         if set(entries) != usual:
-            raise InputError(f"{path}, up to line {last + 1}: first column {per:g} has {len(entries)} entries, the "
-                             f"others {len(usual)}; the file is cut off or mixed")
+            raise InputError(f"{path}: {name} has {len(entries)} entries, the others {len(usual)}; the file is cut "
+                             "off or mixed")
+    return usual
+
+
+def matrices(path: Path, table: Table, last: int) -> Radiation:
+    """Return arrays of the entries, read up to line `last`; absent ones are zero by symmetry."""
+    usual = usual_modes(f"{path}, up to line {last + 1}",
+                        {f"first column {per:g}": entries for per, entries in table.items()}, "added mass")
     modes = sorted(i for i, j in usual if i == j)
     if not modes:
         raise InputError(f"{path}: no diagonal entry of the added mass in it")
-    place = {m: k for k, m in enumerate(modes)}
-    A = np.zeros((len(table), len(modes), len(modes)))
-    B = np.zeros_like(A)
-    for k, entries in enumerate(table.values()):
-        for (i, j), (a, b) in entries.items():
-            if i in place and j in place:
-                A[k, place[i], place[j]], B[k, place[i], place[j]] = a, b
-    return Radiation(np.array(list(table)), A, B, modes)
+    pairs = np.array([[[entries.get((i, j), (0.0, 0.0)) for j in modes] for i in modes] for entries in table.values()])
+    return Radiation(np.array(list(table)), pairs[..., 0], pairs[..., 1], modes)
 
 
-def force_array(path: Path, table: ForceTable, modes: list[int]) -> Forces:
+def force_array(path: Path, table: Table, modes: list[int]) -> Forces:
     """Return X [period, heading, mode] of the entries; every period needs the same headings and modes."""
-    if not table:
-        raise InputError(f"{path}: no exciting force in it")
-    periods, headings = list(dict.fromkeys(p for p, _ in table)), list(dict.fromkeys(h for _, h in table))
-    usual = Counter(frozenset(entries) for entries in table.values()).most_common(1)[0][0]
-    X = np.zeros((len(periods), len(headings), len(modes)), dtype=complex)
-    for k, per in enumerate(periods):
-        for h, heading in enumerate(headings):
-            entries = table.get((per, heading), {})
-            if set(entries) != usual:
-                raise InputError(f"{path}: first column {per:g}, heading {heading:g} has {len(entries)} modes, the "
-                                 f"others {len(usual)}; the file is cut off or mixed")
-            X[k, h] = [entries.get(m, 0.0) for m in modes]
-    return Forces(np.array(periods), np.array(headings), X)
+    periods, headings = (list(dict.fromkeys(key[k] for key in table)) for k in (0, 1))
+    every = {(per, h): table.get((per, h), {}) for per in periods for h in headings}
+    usual_modes(path, {f"first column {per:g}, heading {h:g}": entries for (per, h), entries in every.items()},
+                "exciting force")
+    X = np.array([[entries.get((m,), 0.0) for m in modes] for entries in every.values()], dtype=complex)
+    return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)))
 
 
 READINGS = ("period", "omega", "wavenumber", "deep_wavenumber", "wavelength")
@@ -290,8 +277,8 @@ def recognise(rows: Radiation, g: float, depth: float, length: float, clear: flo
 def _residual(omega: FloatArray, A: FloatArray, B: FloatArray) -> float:
     """Return the median over frequencies and modes of |A - A_inf - (what B implies)|, relative to the range of A."""
     order = np.argsort(omega)
-    w, mass = omega[order], np.einsum("kii->ki", A[order])
-    damping = np.einsum("kii->ki", B[order]) * w[:, None]
+    w = omega[order]
+    mass, damping = np.einsum("kii->ki", A[order]), np.einsum("kii->ki", B[order]) * w[:, None]
     radiates = np.ptp(mass, axis=0) > 1e-3 * np.abs(mass).max(axis=0)
     if not radiates.any() or not (np.diff(w) > 0.0).all():
         return np.inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -45,9 +46,8 @@ def prepare(section: Section, mesh: Mesh, depth: float, K_range: FloatArray, lid
     even, odd = own + other - image - other_image, own - other - image + other_image
     rules = (panels.near_rule(mesh, targets, panels.above, levels=6, nodes=8),
              panels.near_rule(mesh, targets, panels.opposite, levels=6, nodes=8))
-    term = None
-    if np.isfinite(depth):
-        term = green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth, float(K_range[0]))
+    term = None if np.isinf(depth) else green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth,
+                                                              float(K_range[0]))
     return SectionEquations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
 
 
@@ -56,13 +56,14 @@ def layers_by_parity(equations: SectionEquations, K: FloatArray) -> dict[bool, t
 
     K = [inf] gives phi = 0 on the water surface.
     """
-    total = {even: [part.astype(complex)[None] for part in parts] for even, parts in equations.rankine.items()}
-    wave = _wave_layers(equations, K) if np.isfinite(K).all() else {}
-    depth = _depth_layers(equations, K) if equations.depth_term is not None else {}
-    for more in (wave, depth):
-        for even, parts in more.items():
-            total[even] = [a + b for a, b in zip(total[even], parts)]
-    return {even: (parts[0], parts[1]) for even, parts in total.items()}
+    terms: list[dict[bool, Any]] = [{even: [part.astype(complex)[None] for part in parts]
+                                     for even, parts in equations.rankine.items()}]
+    if np.isfinite(K).all():
+        terms.append(_wave_layers(equations, K))
+    if equations.depth_term is not None:
+        terms.append(_depth_layers(equations, K))
+    return {even: tuple(sum(parts[1:], parts[0]) for parts in zip(*(term[even] for term in terms)))
+            for even in (True, False)}
 
 
 def _wave_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:

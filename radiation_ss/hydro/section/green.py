@@ -82,17 +82,13 @@ def group_velocity(omega: FloatArray, k0: FloatArray, depth: float) -> FloatArra
 
 def far_field_factor(k0: FloatArray, depth: float) -> FloatArray:
     """Return N of G -> 2 pi i N Z(z_P) Z(z_Q) e^{-i k0 |X|} far away, Z = `profile`; 1 in deep water."""
-    if np.isinf(depth):
-        return np.ones_like(k0)
-    return 1.0 / (np.tanh(k0 * depth) * (1.0 + _depth_ratio(k0, depth)))
+    return np.ones_like(k0) if np.isinf(depth) else 1.0 / (np.tanh(k0 * depth) * (1.0 + _depth_ratio(k0, depth)))
 
 
 def _depth_ratio(k0: FloatArray, depth: float) -> FloatArray:
     """Return 2 k0 h / sinh(2 k0 h)."""
-    if np.isinf(depth):
-        return np.zeros_like(k0)
     x = 2.0 * k0 * depth
-    return 2.0 * x * np.exp(-x) / -np.expm1(-2.0 * x)
+    return np.zeros_like(k0) if np.isinf(depth) else 2.0 * x * np.exp(-x) / -np.expm1(-2.0 * x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import ComplexArray
+from radiation_ss.arrays import ComplexArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.readers.text import lines, number
+from radiation_ss.hydro.readers.text import lines, number, row
 from radiation_ss.hydro.section.shapes import Arc, Section, line, text
 
 CORNER = np.deg2rad(25.0)  # a bend sharper than this between two offsets is a chine, not a curve
@@ -26,18 +26,14 @@ def points_section(points: ArrayLike, name: str = "points") -> Section:
     `points` (n, 2): offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the
     whole section from waterline to waterline; z up. InputError if the points are no such contour.
     """
-    try:
-        array = np.array(points, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: points must be numbers, two in a row (y, z)") from None
-    if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] < 2 or not np.isfinite(array).all():
-        raise InputError(f"{name}: points must be finite, shape (n, 2) with n >= 2, found {array.shape}")
-    z = array[:, 0] + 1j * array[:, 1]
-    z = _half(z, name)
-    if np.any(np.abs(np.diff(z)) == 0.0):
-        at = int(np.flatnonzero(np.abs(np.diff(z)) == 0.0)[0])
-        raise InputError(f"{name}: point {text(z[at])} is given twice in a row")
-    bends = np.abs(np.angle(np.diff(z)[1:] / np.diff(z)[:-1]))
+    array = read_only(points, f"{name}: points (y, z) [m]", (None, 2))
+    if len(array) < 2:
+        raise InputError(f"{name}: points must be of shape (n, 2) with n >= 2, found {array.shape}")
+    z = _half(array[:, 0] + 1j * array[:, 1], name)
+    steps = np.diff(z)
+    if (steps == 0.0).any():
+        raise InputError(f"{name}: point {text(z[int(np.argmin(np.abs(steps)))])} is given twice in a row")
+    bends = np.abs(np.angle(steps[1:] / steps[:-1]))
     breaks = [0, *(int(i) + 1 for i in np.flatnonzero(bends > CORNER)), z.size - 1]
     return Section(tuple(_spline(z[i:j + 1], first=i == 0) for i, j in pairwise(breaks)), name)
 
@@ -47,23 +43,12 @@ def read_section(path: str | Path) -> Section:
 
     InputError naming file and line, if a line does not hold two numbers or the points are no section.
     """
-    rows: list[list[float]] = []
-    header = False
-    for k, raw in enumerate(lines(Path(path)), start=1):
-        entry = raw.split("#", 1)[0].strip()
-        if not entry:
-            continue
-        cells = entry.split(",") if "," in entry else entry.split()
-        row = [value for cell in cells if (value := number(cell.strip())) is not None]
-        if len(row) < len(cells):
-            if rows or header or number(cells[0].strip()) is not None:
-                raise InputError(f"{path}, line {k}: {entry!r} is not two numbers")
-            header = True
-            continue
-        if len(row) != 2:
-            raise InputError(f"{path}, line {k}: {len(row)} columns found, y and z needed")
-        rows.append(row)
-    return points_section(rows, name=str(path))
+    entries = [(k, entry) for k, line in enumerate(lines(Path(path))) if (entry := line.split("#", 1)[0].strip())]
+    rows = [(k, " ".join(cell.strip() or "(empty)" for cell in entry.split("," if "," in entry else None)))
+            for k, entry in entries]
+    if rows and number(rows[0][1].split()[0]) is None:
+        rows = rows[1:]
+    return points_section([row(Path(path), k, entry, 2, "y, z") for k, entry in rows], name=str(path))
 
 
 def as_section(section: Section | ArrayLike | str | Path) -> Section:

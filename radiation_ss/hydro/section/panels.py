@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -181,22 +182,13 @@ def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror,
     with np.errstate(divide="ignore", invalid="ignore"):  # a target on its own node: replaced by the near rule below
         single, double = kernel(targets[:, None], mirror(mesh.points), mirror(mesh.normals))
     single, double = single * mesh.weights, double * mesh.weights
-    single[..., rule.target[:, None], rule.columns] = 0.0
-    double[..., rule.target[:, None], rule.columns] = 0.0
-    if rule.target.size:
-        G, dG = kernel(targets[rule.target][:, None], mirror(rule.Q), mirror(rule.n))
-        for matrix, values in ((single, G), (double, dG)):
-            near = np.matmul(values[..., None, :], rule.weights)[..., 0, :]
-            for half in _unique_halves(rule.target, rule.columns[:, 0]):
-                matrix[..., rule.target[half, None], rule.columns[half]] += near[..., half, :]
+    G, dG = kernel(targets[rule.target][:, None], mirror(rule.Q), mirror(rule.n))
+    at: Any = (..., rule.target[:, None], rule.columns)
+    for matrix, values in ((single, G), (double, dG)):
+        matrix[at] = 0.0
+        # A pair appears once for each side of its nearest point: both are added.
+        np.add.at(matrix, at, np.matmul(values[..., None, :], rule.weights)[..., 0, :])
     return single, double
-
-
-def _unique_halves(target: np.ndarray, column: np.ndarray) -> list[np.ndarray]:
-    """Split the pairs in two lists without repeats (a pair appears once for each side of its nearest point)."""
-    _, first = np.unique(target * (column.max() + 1) + column, return_index=True)
-    other = np.setdiff1d(np.arange(target.size), first)
-    return [first, other] if other.size else [first]
 
 
 def _dyadic(levels: int, nodes: int) -> tuple[FloatArray, FloatArray]:

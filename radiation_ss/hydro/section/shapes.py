@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.transforms import composite
 
@@ -44,34 +44,8 @@ class Section:
 
     def __post_init__(self) -> None:
         t = np.linspace(0.0, 1.0, max(5, min(81, 400 // max(1, len(self.arcs)))))
-        pieces = [arc.curve(t) for arc in self.arcs]
-        contour = np.concatenate(pieces)
-        size = float(np.ptp(contour.real) + np.ptp(contour.imag))
-        if not np.isfinite(size) or size <= 0.0:
-            raise InputError(f"{self.name}: the contour has no extent")
-        small = 1e-6 * size
-        for before, after in pairwise(pieces):
-            if abs(before[-1] - after[0]) > small:
-                raise InputError(f"{self.name}: open contour, a gap between {text(before[-1])} and {text(after[0])}")
-        if abs(contour[0].real) > small:
-            raise InputError(f"{self.name}: open contour, it must start on the centre line (y = 0) at the keel, "
-                             f"found {text(contour[0])}")
-        if abs(contour[-1].imag) > small:
-            raise InputError(f"{self.name}: open contour, it must end on the waterline (z = 0), "
-                             f"found {text(contour[-1])}")
-        if contour[-1].real <= small or contour[0].imag >= -small:
-            raise InputError(f"{self.name}: half-breadth at the waterline and draft must be positive, found "
-                             f"{contour[-1].real:g} m and {-contour[0].imag:g} m")
-        inner = contour[1:-1]
-        if inner.imag.max() > small:
-            raise InputError(f"{self.name}: the contour leaves the water at {text(inner[inner.imag.argmax()])}; "
-                             "z <= 0 needed")
-        if inner.real.min() < -small:
-            raise InputError(f"{self.name}: the half contour crosses the centre line at "
-                             f"{text(inner[inner.real.argmin()])}")
-        crossing = _self_crossing(np.concatenate([pieces[0], *[piece[1:] for piece in pieces[1:]]]))
-        if crossing is not None:
-            raise InputError(f"{self.name}: the contour crosses itself near {text(crossing)}")
+        if wrong := _wrong([arc.curve(t) for arc in self.arcs]):
+            raise InputError(f"{self.name}: {wrong}")
 
     @property
     def half_breadth(self) -> float:
@@ -102,12 +76,34 @@ class Section:
     def _moments(self) -> tuple[float, float]:
         """Return area and its first moment about the waterline, by Green's theorem: 2 int y dz and 2 int y z dz."""
         t, w = composite(np.linspace(0.0, 1.0, 41), np.ones(40, dtype=int))
-        area = moment = 0.0
-        for arc in self.arcs:
-            point, slope = arc.curve(t), arc.slope(t)
-            area += 2.0 * float(w @ (point.real * slope.imag))
-            moment += 2.0 * float(w @ (point.real * point.imag * slope.imag))
-        return area, moment
+        pieces = [(arc.curve(t), arc.slope(t).imag) for arc in self.arcs]
+        return (sum(2.0 * float(w @ (point.real * dz)) for point, dz in pieces),
+                sum(2.0 * float(w @ (point.real * point.imag * dz)) for point, dz in pieces))
+
+
+def _wrong(pieces: Sequence[ComplexArray]) -> str:
+    """Return what keeps the pieces from being the half contour of a section, '' where nothing does."""
+    contour = np.concatenate(pieces)
+    size = float(np.ptp(contour.real) + np.ptp(contour.imag))
+    if not np.isfinite(size) or size <= 0.0:
+        return "the contour has no extent"
+    small, keel, end, inner = 1e-6 * size, contour[0], contour[-1], contour[1:-1]
+    for before, after in pairwise(pieces):
+        if abs(before[-1] - after[0]) > small:
+            return f"open contour, a gap between {text(before[-1])} and {text(after[0])}"
+    if abs(keel.real) > small:
+        return f"open contour, it must start on the centre line (y = 0) at the keel, found {text(keel)}"
+    if abs(end.imag) > small:
+        return f"open contour, it must end on the waterline (z = 0), found {text(end)}"
+    if end.real <= small or keel.imag >= -small:
+        return (f"half-breadth at the waterline and draft must be positive, found {end.real:g} m and "
+                f"{-keel.imag:g} m")
+    if inner.imag.max() > small:
+        return f"the contour leaves the water at {text(inner[inner.imag.argmax()])}; z <= 0 needed"
+    if inner.real.min() < -small:
+        return f"the half contour crosses the centre line at {text(inner[inner.real.argmin()])}"
+    crossing = _self_crossing(np.concatenate([pieces[0], *[piece[1:] for piece in pieces[1:]]]))
+    return "" if crossing is None else f"the contour crosses itself near {text(crossing)}"
 
 
 def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Section:
@@ -135,8 +131,8 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
     >>> rss.section_2d(rss.lewis_section(1.0, 1.0, 0.7854), [0.5, 1.0]).dofs
     ('Sway', 'Heave', 'Roll')
     """
-    b, d, sigma = (_positive(value, name) for value, name in
-                   ((half_breadth, "half_breadth"), (draft, "draft"), (area_ratio, "area_ratio")))
+    b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
+    sigma = positive(area_ratio, "area_ratio")
     a1, a3 = lewis_coefficients(b / d, sigma)
     scale = b / (1.0 + a1 + a3)
 
@@ -164,8 +160,8 @@ def circle_section(radius: float, draft: float | None = None) -> Section:
 
     InputError if radius or draft is not positive, or the circle is fully submerged.
     """
-    a = _positive(radius, "radius")
-    d = a if draft is None else _positive(draft, "draft")
+    a = positive(radius, "radius", "m")
+    d = a if draft is None else positive(draft, "draft", "m")
     if d >= 2.0 * a:
         raise InputError(f"draft: {d:g} m submerges a circle of radius {a:g} m; less than {2 * a:g} m needed")
     end = np.arccos((a - d) / a)
@@ -177,7 +173,7 @@ def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) ->
 
     InputError if a length is not positive or the bilge radius exceeds half-breadth or draft.
     """
-    b, d = _positive(half_breadth, "half_breadth"), _positive(draft, "draft")
+    b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
     r = float(bilge_radius)
     if not 0.0 <= r <= min(b, d):
         raise InputError(f"bilge_radius: {r:g} m must lie between 0 and {min(b, d):g} m")
@@ -221,16 +217,6 @@ def _self_crossing(z: ComplexArray) -> complex | None:
         return None
     first, other = np.argwhere(hit)[0]
     return complex(start[first] + s[first, other] * step[first])
-
-
-def _positive(value: float, name: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {value!r} is not a number") from None
-    if not (np.isfinite(number) and number > 0.0):
-        raise InputError(f"{name}: must be positive and finite, found {number:g}")
-    return number
 
 
 def text(z: complex) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
@@ -102,7 +102,10 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     units and errors are those of `section_2d`, whose result is `.hydro`.
     """
     shape = as_section(section)
-    depth = _scalars(shape, depth, panels, {"rho": rho, "g": g})
+    rho, g = positive(rho, "rho", "kg/m^3"), positive(g, "g", "m/s^2")
+    depth = _depth(shape, depth)
+    if not 10 <= panels <= 2000:
+        raise InputError(f"panels: between 10 and 2000 needed, found {panels}")
     w = _frequencies(omega, shape, g)
     C, M = _hydrostatics(shape, rho, g, centre_of_gravity, gyradius)
     K_range = w[[0, -1]] ** 2 / g
@@ -141,30 +144,22 @@ def _symmetric(matrix: FloatArray) -> FloatArray:
 
 
 def _frequencies(omega: ArrayLike, section: Section, g: float) -> FloatArray:
-    try:
-        w = np.atleast_1d(np.array(omega, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError("omega: not an array of numbers (rad/s)") from None
-    if w.ndim != 1 or w.size == 0 or not np.isfinite(w).all() or w.min() <= 0.0 or np.any(np.diff(w) <= 0.0):
+    w = read_only(np.atleast_1d(omega), "omega [rad/s]", (None,), finite=False)
+    if w.size == 0 or not np.isfinite(w).all() or w.min() <= 0.0 or np.any(np.diff(w) <= 0.0):
         raise InputError("omega: must be finite, positive and ascending frequencies in rad/s")
     if w[0] < 1e-6 * np.sqrt(g / section.draft):
         raise InputError(f"omega: {w[0]:g} rad/s is below 1e-6 sqrt(g / draft), where A is lost beside B / omega")
     return w
 
 
-def _scalars(section: Section, depth: float, panels: int, positive: dict[str, float]) -> float:
-    """Check the numbers; return the depth."""
-    for name, value in positive.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{name}: must be positive and finite, found {value}")
+def _depth(section: Section, depth: float) -> float:
+    """Return the depth, checked."""
     if not float(depth) > 0.0:
         raise InputError(f"depth: must be positive (inf for deep water), found {depth} m")
     if 1e9 * section.draft < depth < np.inf:
         raise InputError(f"depth: {depth:g} m is deep water for this section; use inf")
     if section.draft >= depth:
         raise InputError(f"depth: {depth:g} m is not more than the draft {section.draft:g} m of {section.name}")
-    if not 10 <= panels <= 2000:
-        raise InputError(f"panels: between 10 and 2000 needed, found {panels}")
     return float(depth)
 
 
@@ -177,9 +172,7 @@ def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
     C = np.diag([0.0, 2.0 * b, 2.0 / 3.0 * b ** 3 + S * (section.centre_of_buoyancy - z_G)]) * rho * g
     if gyradius is None:
         return C, None
-    if not (np.isfinite(gyradius) and gyradius > 0.0):
-        raise InputError(f"gyradius: must be positive and finite, found {gyradius}")
-    M = np.diag([1.0, 1.0, gyradius ** 2 + z_G ** 2])
+    M = np.diag([1.0, 1.0, positive(gyradius, "gyradius", "m") ** 2 + z_G ** 2])
     M[0, 2] = M[2, 0] = -z_G
     return C, rho * S * M
 

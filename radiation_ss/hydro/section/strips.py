@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.offsets import SectionLike, as_section
@@ -70,8 +70,8 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
                 total = total + (q - p) / 6.0 * weight * (strip @ T if name == "X" else T.T @ strip @ T)
         return np.asarray(total)
 
-    areas = np.array([0.0 if shape is None else shape.area for shape in shapes])
-    moments = np.array([0.0 if shape is None else shape.area * shape.centre_of_buoyancy for shape in shapes])
+    areas, moments = np.array([(0.0, 0.0) if shape is None else (shape.area, shape.area * shape.centre_of_buoyancy)
+                               for shape in shapes]).T
     volume = np.trapezoid(areas, x)
     C = along("C")
     C[3, 3] += first.rho * first.g * (np.trapezoid(moments, x) - volume * centre_of_gravity)
@@ -94,11 +94,10 @@ def _local(x: float) -> FloatArray:
 
 def _unit_inertia(x_G: float, z_G: float, gyradii: tuple[float, float, float]) -> FloatArray:
     """Return M of unit mass about the origin in Sway, Heave, Roll, Pitch, Yaw."""
-    if not all(np.isfinite(k) and k > 0.0 for k in gyradii):
-        raise InputError(f"gyradii: three positive lengths in metres needed, found {gyradii}")
+    roll, pitch, yaw = (positive(k, "gyradii", "m") for k in gyradii)
     # sway and heave of G: T from the motions about the origin, as for a section, and z_G below the roll axis
     T = _local(x_G)
     T[0, 2] = -z_G
     surge = np.array([0.0, 0.0, 0.0, z_G, 0.0])  # of G from pitch
-    rotations = np.diag([0.0, 0.0, *(k ** 2 for k in gyradii)])
+    rotations = np.diag([0.0, 0.0, roll ** 2, pitch ** 2, yaw ** 2])
     return np.outer(T[0], T[0]) + np.outer(T[1], T[1]) + np.outer(surge, surge) + rotations
