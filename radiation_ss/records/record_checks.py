@@ -37,12 +37,37 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     step = float(np.median(np.diff(record.time)))
     if step > longest_step and record.kind != "static":
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds? Its header is then "
-                     "`time [ms]`")
+                     "`time [ms]`; offsets under steady loads are `# kind: static`")
     for name, values in whole.channels.items():
-        found += _channel(name, values[np.isfinite(values)], most)
+        there = values[np.isfinite(values)]
+        marks = list(_marks_of_missing(there))
+        found += [f"{name}: {count} samples of {level:g}, far from all others; does it stand for missing ones? Leave "
+                  "such cells empty" for level, count in marks]
+        found += _channel(name, there[~np.isin(there, [level for level, _ in marks])], most)
+        found += _zero(name, there, record.kind)
     for dof in record.dofs:
-        found += signals.column_conflicts(record, dof, rows)
+        found += signals.column_conflicts(record, dof, rows) or signals.column_doubts(record, dof)
     return tuple(found)
+
+
+def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> Iterator[tuple[float, int]]:
+    """Yield the lowest or highest value and its count if it recurs, and stands `far` times the range of all others,
+    `most` values or more, from them: -999.
+    """
+    levels, counts = np.unique(values, return_counts=True)
+    for end, beside, rest in ((0, 1, levels[1:]), (-1, -2, levels[:-1])):
+        if rest.size >= most and counts[end] > 1 and abs(levels[end] - levels[beside]) > far * np.ptp(rest):
+            yield float(levels[end]), int(counts[end])
+
+
+def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0) -> Iterator[str]:
+    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero."""
+    if kind == "static" or name.endswith(SUFFIXES) or values.size < 16 or np.ptp(values) == 0.0:
+        return
+    middle, spread = float(np.median(values)), float(np.std(values))
+    if abs(middle) > far * spread:
+        yield (f"{name}: stands at {middle:.3g}, {abs(middle) / spread:.0f} times its standard deviation; it is from "
+               "rest in still water: take off the reading at rest")
 
 
 def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
