@@ -215,6 +215,21 @@ def test_the_rate_of_a_decay_is_no_other_unit(damping):
     assert suspicions(rss.Record(time, channels, kind="decay")) == ()
 
 
+def test_offsets_need_no_times(tmp_path):
+    text = "Roll [deg];Roll_force [N m]\n-3,0;-5,0\n0;0\n3,0;5,0\n"
+    stated = rss.read_record(written(tmp_path, "# kind: static\n" + text))
+    pd = pytest.importorskip("pandas")
+    frame = pd.DataFrame({"Roll [deg]": [-3.0, 0.0, 3.0], "Roll_force": [-5.0, 0.0, 5.0]})
+    asked = rss.read_record(written(tmp_path, text), kind="static")
+    for record in (stated, asked, rss.as_record(frame, kind="static")):
+        assert record.time.tolist() == [0.0, 1.0, 2.0]
+        assert record.channels["Roll"] == pytest.approx(np.pi / 60.0 * np.array([-1.0, 0.0, 1.0]))
+    rss.write_record(stated, tmp_path / "again.csv")
+    assert rss.read_record(tmp_path / "again.csv").kind == "static"
+    with pytest.raises(InputError, match=r"no column `time \[s\]`"):
+        rss.read_record(written(tmp_path, text))
+
+
 def test_offsets_without_a_kind_are_asked_for_it():
     record = rss.Record(60.0 * np.arange(9.0), {"Roll": 0.01 * np.arange(9.0), "Roll_force": np.arange(9.0)},
                         kind="forced")
