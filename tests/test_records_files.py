@@ -177,6 +177,7 @@ WAVE = np.sin(2.1 * TIME)
     ({"Heave": np.full(TIME.size, np.nan)}, "0 sample"),
     ({"Heave": np.where((TIME > 3.0) & (TIME < 3.2), -999.0, 0.1 * WAVE)}, "samples of -999, far from all others"),
     ({"Heave": 0.1 * WAVE - 12.0}, "take off the reading at rest"),
+    ({"Heave_acceleration": 0.4 * WAVE + 9.8}, "gravity is in it"),
     ({"wave_elevation": 0.02 * WAVE + 3.6}, "take off the reading at rest"),
     ({"Heave": 0.1 * WAVE, "Heave_velocity": 0.21 / 0.5144 * np.cos(2.1 * TIME)}, r"1\.94 times the rate .*in knots?"),
     ({"Heave": 0.1 * WAVE, "Heave_acceleration": -0.441 / 9.81 * WAVE}, r"0\.1\d+ times the second rate"),

@@ -10,7 +10,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
-from radiation_ss.records.columns import SUFFIXES
+from radiation_ss.records.columns import SUFFIXES, split
 from radiation_ss.records.comments import KNOT
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
@@ -60,12 +60,16 @@ def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> I
             yield float(levels[end]), int(counts[end])
 
 
-def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0) -> Iterator[str]:
-    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero."""
-    if kind == "static" or name.endswith(SUFFIXES) or values.size < 16 or np.ptp(values) == 0.0:
+def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float = 9.81) -> Iterator[str]:
+    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero, or an
+    acceleration within a twentieth of `g` [m/s^2].
+    """
+    if kind == "static" or values.size < 16 or np.ptp(values) == 0.0:
         return
     middle, spread = float(np.median(values)), float(np.std(values))
-    if abs(middle) > far * spread:
+    if name.endswith("_acceleration") and motion_unit(split(name)[0]) == "m" and abs(abs(middle) - g) < 0.05 * g:
+        yield f"{name}: {middle:.3g} m/s^2 on average; gravity is in it: take that off"
+    elif not name.endswith(SUFFIXES) and abs(middle) > far * spread:
         yield (f"{name}: stands at {middle:.3g}, {abs(middle) / spread:.0f} times its standard deviation; it is from "
                "rest in still water: take off the reading at rest")
 
