@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
@@ -78,6 +79,9 @@ def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records with names that differ: a number is added to those that are there already."""
     names: list[str] = []
     for record in records:
+        if not isinstance(record, Record):
+            raise InputError("records: a Record, a pandas.DataFrame or the name of a file is needed, "
+                             f"{type(record).__name__} found")
         name, number = record.name, 2
         while name in names:
             name, number = f"{record.name}_{number}", number + 1
