@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.optimize import brentq
 
 from radiation_ss import HydroData, Record, body, read_fit, read_record, write_hydro, write_record
 from radiation_ss.cli import main
@@ -109,6 +110,26 @@ def bad_cases(folder, tmp_path):
         "no tolerance": (["diagnose", tank, decay, "--tolerance", -1, *out], "tolerance"),
         "unknown tolerance": (["diagnose", tank, decay, "--tolerance", "colour=0.1", *out], "colour"),
     }
+
+
+def test_a_probe_that_stands_elsewhere_is_carried_to_the_body(folder, tmp_path, capsys):
+    """The oracle is the dispersion relation, solved here: a wave of 6 rad/s lags by k x behind the probe at -x."""
+    depth = tank_hydro(40).depth
+    k = brentq(lambda k: 9.81 * k * np.tanh(k * depth) - 36.0, 1e-3, 100.0)
+    time = np.arange(0.0, 80.0, 0.02)
+    motion = {}
+    for name, place in (("body", 0.0), ("probe", -1.5)):
+        record = Record(time, {"wave_elevation": 0.01 * np.cos(6.0 * time - k * place)}, kind="waves",
+                        meta={"probe": str(place)} if place else {})
+        write_record(record, tmp_path / f"{name}.csv")
+        assert run("simulate", folder / "tank.nc", tmp_path / f"{name}.csv", "--order", 3,
+                   "--out", tmp_path / "out.csv") == 0
+        said = capsys.readouterr().err
+        assert ("carried from the probe at -1.5 m" in said) == (name == "probe")
+        found = read_record(tmp_path / "out.csv").window(40.0, 60.0)
+        motion[name] = found.channels["Heave"] @ np.exp(-6.0j * found.time)
+    # A wrong way would turn the phase by twice k x = 11 rad; the ends of the record, in truth endless, count for 1 %.
+    assert abs(motion["probe"] / motion["body"] - 1.0) < 0.01
 
 
 def test_a_fit_that_misses_the_file_is_told(tmp_path, capsys):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from identify_tank import BAND, drawn_truth, sail, tank
+from identify_tank import BAND, drawn_truth, jonswap, sail, tank, with_waves
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -75,6 +75,31 @@ def test_drag_is_named_with_its_size(drag):
     assert row["estimate"] == pytest.approx(drag, rel=0.1)
     assert row["std"] < 0.1 * drag
     assert any("N s^2/m^2 (p" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("drag", [0.0, 400.0, 800.0])
+def test_drag_is_named_by_the_elevation_too(drag):
+    """The truth is an integration by scipy under the sum of |X| a cos(w t); the model's X is a tenth too large."""
+    rng, body = np.random.default_rng(5), with_waves(tank())
+    time, F, G = 0.05 * np.arange(1600), *body.matrices()
+    w = np.sort(rng.uniform(4.0, 13.0, 60))
+    a = np.sqrt(2.0 * jonswap(w, hs=0.02) * 9.0 / 60.0) * np.exp(2j * np.pi * rng.random(60))
+    waves = np.exp(1j * np.outer(time, w))
+    X = np.interp(w, body.hydro.omega, body.hydro.X[:, 0, 0].real)
+    elevation, force = (waves @ a).real, CubicSpline(time, (waves @ (X * a)).real)
+    state = solve_ivp(lambda t, x: F @ x + G[:, 0] * (force(t) - drag * abs(x[-1]) * x[-1]), time[[0, -1]],
+                      np.zeros(F.shape[0]), t_eval=time, rtol=1e-8, atol=1e-10).y
+    heave = state[-2] + 0.01 * state[-2].std() * rng.standard_normal(time.size)
+    believed = body.replace(hydro=body.hydro.replace(X=1.1 * body.hydro.X))
+    found = identify(believed, Record(time, {"Heave": heave, "wave_elevation": elevation}, kind="waves"),
+                     "prediction-error", omega=BAND, draws=200)
+    named = any("quadratic drag [Heave]" in text for text in found.warnings)
+    assert named == (drag > 0.0)
+    row = found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]
+    assert abs(row["estimate"] - drag) < 4.0 * row["std"] + 0.1 * drag  # in proportion to a force a tenth too large
+    B = body.fit.frequency_response(BAND)[:, 0, 0].real
+    held = (found.B.lower[:, 0, 0] <= B) & (B <= found.B.upper[:, 0, 0])
+    assert held[(BAND > 4.5) & (BAND < 8.0)].mean() > 0.6
 
 
 def test_motion_that_laws_are_made_of_is_the_true_one_from_the_first_sample_on():

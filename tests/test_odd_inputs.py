@@ -31,6 +31,12 @@ def test_a_seed_that_is_none_is_refused():
             work(model, [record], seed=1.5)
 
 
+@pytest.mark.parametrize("work", [rss.diagnose, rss.identify])
+def test_a_list_that_is_no_record_is_refused(work):
+    with pytest.raises(rss.InputError, match=r"records: a Record, .* list found"):
+        work(tank_model(), [[1.0, 2.0, 3.0]])
+
+
 @pytest.mark.parametrize("time, heave, words", [
     (np.array(["2024-01-01", "2024-01-02"], "datetime64[s]"), [1.0, 2.0], "dates or times"),
     (np.array([0, 1], "timedelta64[s]"), [1.0, 2.0], "dates or times"),

@@ -1,6 +1,7 @@
 """Records from files: what goes in comes back, and bad input gets one sentence with its place."""
 
 import gzip
+import re
 import warnings
 from pathlib import Path
 
@@ -123,6 +124,7 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
     (GOOD + "0.2,abc\n", ["line 4", "column 'Heave'", "'abc' is not a number"]),
     (GOOD + "0.2,inf\n", ["line 4", "'inf' is not a number"]),
     (GOOD + "0.2,1,5\n", ["line 4", "3 cells, but the header has 2"]),
+    ("time [s],Heave [m]\n0,0,1,5\n", ["line 2", "4 cells, but the header has 2", "decimal marks, semicolons"]),
     (GOOD + ",1\n", ["line 4", "column 'time'", "no time"]),
     (GOOD + "0.05,1\n", ["line 4", "column 'time'", "comes after 0.1 s"]),
     ("# name: x\n" + GOOD + "0.1,1\n", ["line 5", "0.1 s is there twice"]),
@@ -173,10 +175,17 @@ WAVE = np.sin(2.1 * TIME)
     ({"Heave": 0.0 * WAVE + 0.3}, "dead channel"), ({"Heave_force": 0.0 * WAVE + 5.0, "Heave": WAVE}, "dead channel"),
     ({"Heave": np.clip(WAVE, -0.9, 2.0)}, "clipped at a minimum"), ({"Heave": np.minimum(WAVE, 0.8)}, "a maximum"),
     ({"Heave": np.full(TIME.size, np.nan)}, "0 sample"),
+    ({"Heave": np.where((TIME > 3.0) & (TIME < 3.2), -999.0, 0.1 * WAVE)}, "samples of -999, far from all others"),
+    ({"Heave": 0.1 * WAVE - 12.0}, "take off the reading at rest"),
+    ({"Heave_acceleration": 0.4 * WAVE + 9.8}, "gravity is in it"),
+    ({"wave_elevation": 0.02 * WAVE + 3.6}, "take off the reading at rest"),
+    ({"Heave": 0.1 * WAVE, "Heave_velocity": 0.21 / 0.5144 * np.cos(2.1 * TIME)}, r"1\.94 times the rate .*in knots?"),
+    ({"Heave": 0.1 * WAVE, "Heave_acceleration": -0.441 / 9.81 * WAVE}, r"0\.1\d+ times the second rate"),
 ])
 def test_suspicious_channels_are_named(tmp_path, channels, word):
     record = rss.Record(TIME, channels, kind="motion-only")
-    assert any(word in sentence for sentence in suspicions(record))
+    assert any(re.search(word, sentence) for sentence in suspicions(record))
+    assert "millimetres" not in " ".join(suspicions(record)) or word == "millimetres"
     rss.write_record(record, tmp_path / "run.csv")
     with pytest.warns(InputWarning, match=word):
         rss.read_record(tmp_path / "run.csv")
@@ -196,6 +205,36 @@ def test_a_sentence_on_all_samples_has_looked_at_all():
 
 def test_loads_that_are_changed_by_hand_take_minutes():
     assert suspicions(rss.Record(60.0 * np.arange(5.0), {"Roll": 0.01 * np.arange(5.0)}, kind="static")) == ()
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.3, 1.5])
+def test_the_rate_of_a_decay_is_no_other_unit(damping):
+    """x = exp(-z t) cos t and its rate, exact: a cut edge is no factor, whatever the damping."""
+    time = np.arange(0.0, 40.0, 0.05)
+    decay = np.exp(-damping * time)
+    channels = {"Heave": decay * np.cos(time), "Heave_velocity": -decay * (damping * np.cos(time) + np.sin(time))}
+    assert suspicions(rss.Record(time, channels, kind="decay")) == ()
+
+
+def test_offsets_need_no_times(tmp_path):
+    text = "Roll [deg];Roll_force [N m]\n-3,0;-5,0\n0;0\n3,0;5,0\n"
+    stated = rss.read_record(written(tmp_path, "# kind: static\n" + text))
+    pd = pytest.importorskip("pandas")
+    frame = pd.DataFrame({"Roll [deg]": [-3.0, 0.0, 3.0], "Roll_force": [-5.0, 0.0, 5.0]})
+    asked = rss.read_record(written(tmp_path, text), kind="static")
+    for record in (stated, asked, rss.as_record(frame, kind="static")):
+        assert record.time.tolist() == [0.0, 1.0, 2.0]
+        assert record.channels["Roll"] == pytest.approx(np.pi / 60.0 * np.array([-1.0, 0.0, 1.0]))
+    rss.write_record(stated, tmp_path / "again.csv")
+    assert rss.read_record(tmp_path / "again.csv").kind == "static"
+    with pytest.raises(InputError, match=r"no column `time \[s\]`"):
+        rss.read_record(written(tmp_path, text))
+
+
+def test_offsets_without_a_kind_are_asked_for_it():
+    record = rss.Record(60.0 * np.arange(9.0), {"Roll": 0.01 * np.arange(9.0), "Roll_force": np.arange(9.0)},
+                        kind="forced")
+    assert "# kind: static" in suspicions(record)[0]
 
 
 def test_time_in_milliseconds_is_suspected():

@@ -10,6 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import radiation_ss as rss
 from radiation_ss.atomic import folder_written_whole, written_whole
 from radiation_ss.cli.output import check_file, check_folder, progress_bar, say
@@ -181,8 +183,20 @@ def read_hydro_argument(args: argparse.Namespace) -> HydroData:
 def read_records(args: argparse.Namespace, paths: Sequence[Path], data: HydroData) -> list[Record]:
     """Read records of the degrees of freedom of a model with their options."""
     dofs = dict.fromkeys(data.dofs, "") | kept(args)
-    return [rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees, dofs=dofs)
-            for path in paths]
+    return [carried(args, rss.read_record(path, kind=args.kind, ignore=args.ignore, degrees=args.degrees, dofs=dofs),
+                    data) for path in paths]
+
+
+def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record:
+    """Return the record with the wave elevation at the body, if the comment `probe` says that it is not."""
+    from radiation_ss.records.sensors import probe_place
+
+    place = probe_place(record)
+    if "wave_elevation" not in record.channels or not np.isfinite(place) or place == 0.0:
+        return record
+    args.notes.append(f"{record.name}: wave elevation carried from the probe at {place:g} m to the body, in water of "
+                      f"{data.depth:g} m")
+    return rss.at_the_body(record, depth=data.depth, g=data.g)
 
 
 def tolerance_of(text: str) -> float | dict[str, float]:

@@ -77,7 +77,7 @@ def absent(forced: bool, dofs: Sequence[str], effects: Sequence[Effect],
            information: Information) -> tuple[Unseen, ...]:
     """Return the effects that have no place in any test of the menu."""
     there = {term.active.name for term in information.terms}
-    no_force = "no test of the menu has a known exciting force"
+    no_force = "no test of the menu has a known wave excitation force"
     no_waves = "no test of the menu has a wave elevation"
     other = "it makes no force in these tests"
     return tuple(Unseen(e.name, no_force if e.needs == "force" and not forced else

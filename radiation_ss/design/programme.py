@@ -113,8 +113,8 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
     """Return irregular waves with the force known and, where the model carries X, with the elevation only."""
     has_x = model.hydro is not None and model.hydro.X is not None
     if sea is not None and not has_x:
-        raise InputError("sea: the model carries no exciting force X, so a sea makes no motion; leave sea out, and the "
-                         "waves are scaled to the amplitude")
+        raise InputError("sea: the model carries no wave excitation force X, so a sea makes no motion; leave sea out, "
+                         "and the waves are scaled to the amplitude")
     slowest = min(natural_frequency(model, i) for i in range(model.n))
     height, period = sea if sea is not None else (1.0, 2.0 * np.pi / slowest)
     if not (height > 0.0 and period > 0.0):
@@ -131,7 +131,7 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
         menu.append(("waves with elevation", "only the elevation known", record))
         forces = list(np.asarray(simulate(model, record, start={}).inputs))
     known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
-    menu.append(("waves with force", "the exciting force known (diffraction test)",
+    menu.append(("waves with force", "the wave excitation force known (diffraction test)",
                  Record(time, {**still, **known}, meta=headed(model))))
     return [run for name, what, record in menu
             for run in scaled(model, name, f"irregular waves, {what}", record, amplitude, peak=2.0, scale=fixed)]

@@ -154,7 +154,7 @@ def effects() -> list[Effect]:
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
         Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
                lambda s, p: -p.share * s.memory, linear=True, common=True,
-               summary="the radiation memory is larger or smaller than computed, of one motion or of all by one share"),
+               summary="the radiation force is larger or smaller than computed, of one motion or of all by one share"),
     ]
     either_side, near = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), fixed_width(0.05, "x")
     stiffness = [

@@ -164,7 +164,7 @@ def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], rec
         yield ("preset 'paper': the printed noise levels make parameters worse than their start and the force band far "
                "too narrow (docs/validation/dual_filter.md)")
     elif (force := record.get("force", dofs)) is None or not np.isfinite(force).all(axis=0).any():
-        yield ("the exciting force is unknown, so motion says nothing about the parameters: they come from the "
+        yield ("the wave excitation force is unknown, so motion says nothing about the parameters: they come from the "
                + ("known points and the prior" if points else "prior alone"))
     share = [p.std / p.prior_std for p in table.values() if p.prior_std > 0.0]
     if share and max(share) < 1e-3:

@@ -174,9 +174,9 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
         yield mended
     if findings.passive is not None and findings.passive <= rules.least_passive:
         before = study.passive(np.random.default_rng(2).standard_normal((200, study.n_u))).mean()
-        yield ("passivity is no condition of the bands: hardly any draw of the prior is passive, because the model's "
-               "own memory is close to the limit" if before <= rules.least_passive else
-               "the records ask for a memory that gives energy to the body (passive with a probability of "
+        yield ("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
+               "radiation model itself is close to the limit" if before <= rules.least_passive else
+               "the records ask for a radiation kernel that gives energy to the body (passive with a probability of "
                f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error of "
                "phase, scale or A_inf")
     data, points = float(shares["data"].mean()), float(shares["points"].mean())

@@ -69,8 +69,8 @@ def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Ha
     damping = np.einsum("wjj->wj", form.K(form.mean, omega).real)
     if table is None or table.X is None:
         water = "" if table is not None else " in deep water"
-        warning = (f"the model has no exciting force X: Haskind's two-dimensional relation{water} is used for a length "
-                   "of 1 m, so the wave heights are in units of the square root of the length")
+        warning = (f"the model has no wave excitation force X: Haskind's two-dimensional relation{water} is used for "
+                   "a length of 1 m, so the wave heights are in units of the square root of the length")
         size = positive(damping, 1e-4 * np.abs(damping).max(axis=0)) * group_speed(omega, depth, g)[:, None]
         return Haskind(np.sqrt(2.0 * rho * g * size).astype(complex), damping, "2-D"), (warning,)
     inside = np.clip(omega, table.omega[0], table.omega[-1])

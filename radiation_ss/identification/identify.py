@@ -79,7 +79,7 @@ __all__ = ["Identification", "identify"]
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              **options: Any) -> Identification:
-    """Identify the radiation memory (added mass, damping) of a body, and the force that moved it.
+    """Identify the radiation (added mass, damping) of a body, and the force that moved it.
 
     Parameters
     ----------
@@ -150,8 +150,8 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
              "direction is taken for the sea" for name in untold]
     if float(model.fit.relative_error or 0.0) > prior:
-        said.append(f"the model's memory leaves out {model.fit.relative_error:.0%} of K in its own data, more than the "
-                    f"prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
+        said.append(f"the radiation model leaves out {model.fit.relative_error:.0%} of K in its own data, more than "
+                    f"the prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 

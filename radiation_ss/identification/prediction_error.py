@@ -28,7 +28,7 @@ from radiation_ss.records.record import Record
 
 UNITS = {"quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3")}
 
-TAKEN_OUT = "with the force known it is taken out of A and B as far as the records tell it from them"
+TAKEN_OUT = "it is taken out of A and B as far as the records tell it from them"
 
 
 def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
@@ -90,17 +90,19 @@ def attribute(study: Study, parts: list[MotionLikelihood],
     """Return the parts with the laws that they ask for, target, mode, the score tests, and the laws' names.
 
     The law with the largest score becomes a force of unknown strength along the measured motion, and the rest is tested
-    again. A force from the elevation is too unsure to be told from a law.
+    again. Records with a force of their own are asked before those whose force comes from the elevation.
     """
     laws, tests, start = list[str](), dict[str, dict[str, float]](), np.zeros(study.target(parts).size)
+    sure = any(part.wave is None for part in parts)
+    chance = study.rules.nonlinear if sure else study.rules.nonlinear_elevation
     while True:
         target = study.target(parts)
         peak = find_peak(target, start)
-        left = {name: row for name, row in score_laws(target, peak, [p for p in parts if p.wave is None]).items()
-                if name not in laws}
+        asked = [part for part in parts if part.wave is None or not sure]
+        left = {name: row for name, row in score_laws(target, peak, asked).items() if name not in laws}
         tests |= left
         name = min(left, key=lambda item: left[item]["p"], default=None)
-        if name is None or len(laws) == study.rules.most_laws or left[name]["p"] >= study.rules.nonlinear / len(left):
+        if name is None or len(laws) == study.rules.most_laws or left[name]["p"] >= chance / len(left):
             return parts, target, peak, tests, laws
         laws.append(name)
         for _ in range(2):      # with the law the filtered motion is another, and the law along it

@@ -90,7 +90,7 @@ class ForceEstimate:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Shown):
-    """What the records say of a body's radiation memory, and how surely.
+    """What the records say of a body's radiation, and how surely.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ class Identification(Shown):
     def plants(self, n: int) -> list[ct.StateSpace]:
         """Return n plants of the posterior as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
 
-        The memory of each is passive: that of a draw, or the nearest to it.
+        The radiation of each is passive: that of a draw, or the nearest to it.
 
         Raises
         ------

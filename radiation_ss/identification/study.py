@@ -41,8 +41,9 @@ class Settings:
     contradiction, doubt : float
         A warning names a number that moves more than `contradiction` prior standard deviations, a nominal one beyond
         `doubt` of its own standard deviations.
-    nonlinear, most_laws : float, int
-        Chance of a false warning about a nonlinear law; number of laws that are taken into the model.
+    nonlinear, nonlinear_elevation, most_laws : float, float, int
+        Chance of a false warning about a nonlinear law, and where all forces come from an elevation (five standard
+        deviations: X's error is believed to be smooth); number of laws that are taken into the model.
     misfit : float
         Chance of a false warning about prediction errors that noise does not explain.
     preset : {None, "paper"}
@@ -58,6 +59,7 @@ class Settings:
     contradiction: float = 3.0
     doubt: float = 2.5
     nonlinear: float = 0.04
+    nonlinear_elevation: float = 6e-7
     most_laws: int = 2
     misfit: float = 1e-4
     preset: str | None = None

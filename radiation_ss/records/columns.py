@@ -34,6 +34,7 @@ class ColumnChoice:
     degrees: Collection[str] = ()  # Columns of rotations that are in degrees, and become radians
     largest: int = 500_000_000  # Most numbers that a file may hold; each takes 8 bytes of memory
     dofs: OwnDofs = ()  # Degrees of freedom that are no rigid-body mode, with their unit or ""
+    kind: str = ""  # Of the record; the rows of a static one need no times
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dofs", own_dofs(self.dofs))
@@ -42,9 +43,10 @@ class ColumnChoice:
                                                   for name in listed(self.degrees)))
 
     def with_comments(self, comments: Mapping[str, str]) -> ColumnChoice:
-        """Return the choice with the degrees of freedom that a file names itself."""
+        """Return the choice with kind and degrees of freedom that a file names itself."""
         named, known = own_dofs(comments.get("dofs", "")), own_dofs(self.dofs)
-        return replace(self, dofs=named | {dof: unit or named.get(dof, "") for dof, unit in known.items()})
+        return replace(self, dofs=named | {dof: unit or named.get(dof, "") for dof, unit in known.items()},
+                       kind=self.kind or comments.get("kind", "").lower())
 
 
 @dataclass(frozen=True)
@@ -181,9 +183,9 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
     absent = [name for name in choice.degrees if name not in names]
     if absent:
         raise InputError(f"{where}: degrees={tuple(absent)!r}, but there is no column {absent[0]!r}")
-    if "time" not in names:
+    if "time" not in names and choice.kind != "static":
         raise InputError(f"{where}: no column `time [s]`; the header is {', '.join(c.strip() for c in header)}")
-    if len([name for name in names if name]) < 2:
+    if not {*names} - {None, "time"}:
         raise InputError(f"{where}: no channel beside time; the separator must be a comma, a semicolon or a tab")
     return columns
 

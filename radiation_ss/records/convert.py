@@ -98,7 +98,8 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
     start = ""
     columns = [frame.iloc[:, i] for i in range(len(labels))]
     if not any(spelled(name_and_unit(label)[0]) == "time" for label in labels):
-        if type(frame.index).__name__ == "RangeIndex" and frame.index.name is None:
+        counts = type(frame.index).__name__ == "RangeIndex" and frame.index.name is None
+        if counts and (kind or frame.attrs.get("kind")) != "static":
             raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
         index = frame.index
         if index.dtype.kind == "M":

@@ -141,7 +141,9 @@ def _careful_values(rows: Sequence[str], first: int, where: str,
             continue
         cells = _cells(row, f"{where}, line {line}")
         if len(cells) != len(columns):
-            raise InputError(f"{where}, line {line}: {len(cells)} cells, but the header has {len(columns)}")
+            commas = len(cells) > len(columns) and "." not in row
+            raise InputError(f"{where}, line {line}: {len(cells)} cells, but the header has {len(columns)}"
+                             + ("; where commas are decimal marks, semicolons part the cells" if commas else ""))
         numbers = [0.0 if column.name is None else missing_or_number(cell) for column, cell in zip(columns, cells)]
         if None in numbers:
             at = numbers.index(None)

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
-from radiation_ss.records.columns import SUFFIXES
+from radiation_ss.records.columns import SUFFIXES, split
 from radiation_ss.records.comments import KNOT
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
@@ -38,18 +39,50 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     step = float(np.median(np.diff(record.time)))
     if step > longest_step and record.kind != "static":
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds? Its header is then "
-                     "`time [ms]`")
+                     "`time [ms]`; offsets under steady loads are `# kind: static`")
     for name, values in whole.channels.items():
-        found += _channel(name, values[np.isfinite(values)], most)
+        there = values[np.isfinite(values)]
+        marks = list(_marks_of_missing(there))
+        found += [f"{name}: {count} samples of {level:g}, far from all others; does it stand for missing ones? Leave "
+                  "such cells empty" for level, count in marks]
+        found += _channel(name, there[~np.isin(there, [level for level, _ in marks])], most)
+        found += _zero(name, there, record.kind)
     for dof in record.dofs:
-        found += signals.column_conflicts(record, dof, rows)
+        found += signals.column_conflicts(record, dof, rows) or signals.column_doubts(record, dof)
     return tuple(found)
+
+
+def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> Iterator[tuple[float, int]]:
+    """Yield the lowest or highest value and its count if it recurs, and stands `far` times the range of all others,
+    `most` values or more, from them: -999.
+    """
+    levels, counts = np.unique(values, return_counts=True)
+    for end, beside, rest in ((0, 1, levels[1:]), (-1, -2, levels[:-1])):
+        if rest.size >= most and counts[end] > 1 and abs(levels[end] - levels[beside]) > far * np.ptp(rest):
+            yield float(levels[end]), int(counts[end])
+
+
+def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float = 9.81) -> Iterator[str]:
+    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero, or an
+    acceleration within a twentieth of `g` [m/s^2].
+    """
+    if kind == "static" or values.size < 16 or np.ptp(values) == 0.0:
+        return
+    middle, spread = float(np.median(values)), float(np.std(values))
+    if name.endswith("_acceleration") and motion_unit(split(name)[0]) == "m" and abs(abs(middle) - g) < 0.05 * g:
+        yield f"{name}: {middle:.3g} m/s^2 on average; gravity is in it: take that off"
+    elif not name.endswith(SUFFIXES) and abs(middle) > far * spread:
+        yield (f"{name}: stands at {middle:.3g}, {abs(middle) / spread:.0f} times its standard deviation; it is from "
+               "rest in still water: take off the reading at rest")
 
 
 def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records with names that differ: a number is added to those that are there already."""
     names: list[str] = []
     for record in records:
+        if not isinstance(record, Record):
+            raise InputError("records: a Record, a pandas.DataFrame or the name of a file is needed, "
+                             f"{type(record).__name__} found")
         name, number = record.name, 2
         while name in names:
             name, number = f"{record.name}_{number}", number + 1

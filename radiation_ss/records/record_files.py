@@ -48,7 +48,7 @@ def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], 
     """Build the record of a table, whose rows are called `row_of`; warn of what looks wrong."""
     columns, comments = values_in_si(values, header, comments)
     own, meta = ({key: value for key, value in comments.items() if (key in OWN) == mine} for mine in (True, False))
-    time = columns.pop("time")
+    time = columns.pop("time", np.arange(float(next(iter(columns.values())).size)))
     missing = np.flatnonzero(~np.isfinite(time))
     fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
     if fault is not None:
@@ -139,7 +139,7 @@ def read_record(path: str | Path, *, kind: str | None = None, ignore: Collection
     >>> rss.read_record("decay.csv").kind
     'decay'
     """
-    choice = ColumnChoice(ignore, degrees, largest, dofs)
+    choice = ColumnChoice(ignore, degrees, largest, dofs, kind or "")
     path = Path(path)
     try:
         found = path.is_file()

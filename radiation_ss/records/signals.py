@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -54,6 +55,24 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
         named = odd if len(have) == 3 and len(off) == 1 else f"{lower} or {upper}"
         found.append(f"column {named}, {rows}: {upper} is {factor:.3g} times the rate of change of {lower}; a wrong "
                      f"unit? {units_text(dof, (lower, upper))}")
+    return found
+
+
+def column_doubts(record: Record, dof: str, apart: float = 1.4, alike: float = 0.95) -> list[str]:
+    """Return a sentence for each column that is another one's derivative but for a factor of `apart` or more.
+
+    Where they correlate by `alike` in the band of the motion, noise makes 5 % of that at most.
+    """
+    found, record = [], replace(record, kind="motion-only")  # windowed: the ends of a decay are no motion
+    for (low, lower), (high, upper) in pairwise(columns_of(record, dof)):
+        omega, below = spectrum_of(record, record.channels[lower])
+        band, above = band_of(omega, below), spectrum_of(record, record.channels[upper])[1]
+        correlation, times = compared(below[band] * (1j * omega[band]) ** (high - low), above[band])
+        if correlation > alike and not 1.0 / apart < times < apart:
+            knots = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
+            rate = "rate" if high - low == 1 else "second rate"
+            found.append(f"{upper} is {times:.3g} times the {rate} of change of {lower}{knots}; "
+                         f"{units_text(dof, (lower, upper))}")
     return found
 
 
