@@ -263,7 +263,8 @@ def sentence(found: Diagnosis) -> str:
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
     noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
-    shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
+    shrunk = (f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
+              if found.budget.unseen else "no force is known, so that nothing predicts unseen data")
     if v.status == "no_gap":
         told = within_tolerance(found)
     elif v.status == "effect":
@@ -276,7 +277,7 @@ def sentence(found: Diagnosis) -> str:
                 "periods, so any restoring and any force explain each other. They show where the body rests and how "
                 f"far each motion goes with the others; measure {v.next_record}")
     elif v.status == "ambiguous":
-        told = f"{alternatives(v.indistinguishable)}; {shrunk} with the first"
+        told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
     else:
         told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
     far = [r for r in found.recalibrated if r.beyond > 2.0 and abs(r.value) > 2.0 * r.std]
