@@ -167,6 +167,8 @@ class SizePrior:
         coherent and wandering errors; the last three are at most as large as stated.
     largest : float
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
+    exact : float
+        What the factor of coherent and wandering errors is at least: no law of the library holds more exactly.
     cut : float
         Prior standard deviations beyond which a strength is impossible.
     spectrum : float
@@ -181,6 +183,7 @@ class SizePrior:
     before: float = 3.0
     coherent: float = 1.5
     largest: float = 3.0
+    exact: float = 0.2
     cut: float = 4.0
     spectrum: float = 5.0
 

@@ -224,7 +224,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
-    bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:])
+    bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:-1]), (np.log(prior.exact), 0.0)
     climbed, stretch = rows, np.ones(1)
     climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
     x = start.vector if steps == 0 else unit * minimize(

@@ -230,11 +230,12 @@ def mirrored(model: Model, record: Record) -> Iterator[str]:
     omega, force = inputs[0][1:], inputs[1][:, 1:]
     motion = np.stack([spectrum_of(record, record.channels[dof])[1][1:] for dof in model.dofs])
     Z, band = impedance(model, omega), band_of(omega, np.linalg.norm(force, axis=0))
-    size = np.maximum(np.linalg.norm(force[:, band], axis=1), 1e-300)
+    size = np.linalg.norm(force[:, band], axis=1)
+    acts = size > 0.0
 
     def left(turn: FloatArray) -> float:
         error = force - np.einsum("wij,jw->iw", turn[:, None] * turn * Z, motion)
-        return float(np.linalg.norm(np.linalg.norm(error[:, band], axis=1) / size))
+        return float(np.linalg.norm(np.linalg.norm(error[acts][:, band], axis=1) / size[acts]))
 
     turns = [1.0 - 2.0 * row for row in np.eye(model.n)]
     given, others = left(np.ones(model.n)), [left(turn) for turn in turns]
