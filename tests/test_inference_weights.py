@@ -54,3 +54,13 @@ def test_damping_of_an_effect_is_damping_of_the_model():
     Z = STIFFNESS - run.omega_fine**2 * INERTIA + 1j * run.omega_fine * DAMPING
     change = -3j * run.omega_fine * DAMPING / Z
     np.testing.assert_allclose(compliance(MODEL, run, change[:, None]), compliance(more, run), rtol=1e-5)
+
+
+def test_a_free_body_goes_as_far_as_the_record_is_long():
+    """Nothing restores it: the slowest force moves it most, by a finite way."""
+    time = np.arange(0.0, 400.0, 0.1)
+    record = rss.Record(time, {"Sway": np.sin(2.0 * time), "Sway_force": 0.0 * time}, kind="forced")
+    run = measured_motion(MODEL, record)
+    found = compliance(MODEL.replace(C=[[0.0]]), run)[0]
+    assert np.all(np.isfinite(found)) and found.sum() < 1.0 / (INERTIA / time[-1] ** 2) ** 2
+    assert np.argmax(found.sum(axis=1)) == 0

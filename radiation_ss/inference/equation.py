@@ -309,7 +309,8 @@ def compliance(model: Model, run: MeasuredMotion, change: ComplexArray | None = 
     at = at[at <= block.omega[-1] + block.omega[0]]
     power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, : at.size]) ** 2
     power /= np.sum(power, axis=1)[:, None]
-    Z = np.einsum("wii->iw", impedance(model, at) + 2j * at[:, None, None] / T * (model.M + model.A_inf))
+    inertia, w = model.M + model.A_inf, at[:, None, None]
+    Z = np.einsum("wii->iw", impedance(model, at) + (2j * w + 1.0 / T) / T * inertia)
     if change is not None:
         less = change * np.einsum("wii->wi", impedance(model, run.omega_fine))
         Z = Z - np.stack([np.interp(at, run.omega_fine, column) for column in less.T])
