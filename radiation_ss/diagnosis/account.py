@@ -13,7 +13,7 @@ from radiation_ss.diagnosis.prediction import Error, Predictor, energy
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
-from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
@@ -63,14 +63,26 @@ class Fitted:
 
 def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], tolerated: dict[str, float],
             rules: Rules) -> tuple[Fitted, FloatArray]:
-    """Return the best set without what closes too little to matter, and what each of its effects closes."""
+    """Return the best set without what closes too little to matter, and what each of its effects closes.
+
+    Unless the model's own numbers have to take its place: two effects may multiply an equation together.
+    """
     closed = contributions(pair, known)
     kept = [t for t, c in zip(pair.candidate.terms, closed) if c >= rules.matters]
     if len(kept) == len(pair.candidate.terms):
         return pair, closed
     candidate = solve_set(problem, kept, pair.candidate.posterior.sizes, rules.search)
-    pair = replace(pair, best=numbers(problem, candidate, tolerated, rules), candidate=candidate)
-    return pair, contributions(pair, known)
+    less = replace(pair, best=numbers(problem, candidate, tolerated, rules), candidate=candidate)
+    own = simulated_numbers(problem.model, tolerated, force=problem.forced)
+    if farthest(own, less) > rules.plausible >= farthest(own, pair):
+        return pair, closed
+    return less, contributions(less, known)
+
+
+def farthest(own: Sequence[OwnNumber], pair: Fitted) -> float:
+    """Return by how many learned tolerances the nominal number is off that is off most."""
+    scale = float(np.exp(pair.candidate.posterior.sizes.tolerance))
+    return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, pair.best.nominal)), default=0.0)
 
 
 def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:

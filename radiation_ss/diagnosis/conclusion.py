@@ -14,6 +14,7 @@ from radiation_ss.diagnosis.account import (
     Fitted,
     account,
     carried,
+    farthest,
     first,
     numbers,
     of_size,
@@ -28,8 +29,8 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named, library
-from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, FittedSet, Key, Keys
+from radiation_ss.effects.nominal import simulated_numbers
+from radiation_ss.inference.candidates import Candidate, Key, Keys
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import force_noise
@@ -51,7 +52,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     how = far(ledger, predictions)
     answer = decided(found, pair, ledger, closed, hidden, rules, data)
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
-    far_off = farthest(own, pair.best, pair.candidate)
+    far_off = farthest(own, pair)
     # What is rather not there than there is no answer, either.
     if answer.status == "effect" and (answer.probability < 0.5 or far_off > rules.plausible):
         answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
@@ -63,12 +64,6 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     return Diagnosis(model.name, answer, ledger, choices(problem, found),
                      where(problem, [e.name for e in answer.effects]),
                      how, corrected, moved, predictions, model.dofs, rules)
-
-
-def farthest(own: Sequence[OwnNumber], estimate: FittedSet, candidate: Candidate) -> float:
-    """Return by how many learned tolerances the nominal number is off that is off most."""
-    scale = float(np.exp(candidate.posterior.sizes.tolerance))
-    return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, estimate.nominal)), default=0.0)
 
 
 def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,
