@@ -144,8 +144,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
     forces, labels, spreads, factors = [], [], [], []
     for i in np.flatnonzero(run.free):
         size = problem.scales[model.dofs[i]].force
-        found = [(*part, OFFSET if part[0] in ("offset", "drift") else COHERENT if "wandering" in part[0] else 0)
-                 for part in record_columns(problem, run, int(i), size, discrepancy)]
+        found = record_columns(problem, run, int(i), size, discrepancy)
         found += [(label, values, discrepancy.by_record * tolerance["force"], TOLERANCE)
                   for label, values in force_errors(model, run, int(i))]
         for label, values, spread, factor in found:
@@ -188,19 +187,22 @@ def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatA
 
 
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
-                   discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float]]:
-    """Return offset and drift or pace, release, wandering stiffness and damping of one motion in one record."""
+                   discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float, int]]:
+    """Return offset and drift or pace, release, wandering stiffness and damping of one motion in one record.
+
+    Of each its label, force, prior standard deviation and common factor, as in `Own`.
+    """
     drift = np.linspace(-np.sqrt(3.0), np.sqrt(3.0), run.time.size)
-    found = [("offset", np.ones(run.time.size), discrepancy.offset * size)]
+    found = [("offset", np.ones(run.time.size), discrepancy.offset * size, OFFSET)]
     if run.record.kind != "static":
-        found.append(("drift", drift, discrepancy.offset * size))
+        found.append(("drift", drift, discrepancy.offset * size, OFFSET))
     elif problem.model.D[i, i] > 0.0 and run.time.size > 4:
         # A slow test may not have rested at its readings: then the model's damping acts.
         pace = make_smoothing_spline(run.time, run.x[i]).derivative()(run.time)
-        found.append(("pace", pace, problem.model.D[i, i]))
+        found.append(("pace", pace, problem.model.D[i, i], 0))
     if run.record.kind == "decay":
         gone = 0.5 * np.clip((run.time - run.time[0]) * run.omega[i], 0.0, 2.0 * np.pi)  # pi at the first period's end
-        found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size)
+        found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size, 0)
                   for k in range(4)]
     duration = run.time[-1] - run.time[0]
     count = int(np.clip(duration * run.omega[i] / (2 * np.pi) / 4.0, 1, 8))
@@ -209,9 +211,9 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
     stiff = max(abs(problem.model.C[i, i]), (problem.model.M + problem.model.A_inf)[i, i] * run.omega[i] ** 2)
     for k in range(1, count + 1):
         shape = np.sqrt(2.0) * np.cos(np.pi * k * share)
-        found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff))
+        found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff, COHERENT))
         if run.record.kind != "static":
-            found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i]))
+            found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i], COHERENT))
     return found
 
 
@@ -242,8 +244,8 @@ def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int, size
     """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
     scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
     share = float(np.exp(sizes.coherent))
-    found = [(share if "wandering" in label else 1.0) * spread * values
-             for label, values, spread in record_columns(problem, run, i, scales.force, discrepancy)]
+    found = [(share if factor == COHERENT else 1.0) * spread * values
+             for _, values, spread, factor in record_columns(problem, run, i, scales.force, discrepancy)]
     for p, q in POWERS:
         force = polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)).force[i]
         size = np.sqrt(np.mean(force**2))

@@ -45,6 +45,11 @@ class Normal:
     parts: list[tuple[FloatArray, np.ndarray]]
 
 
+def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
+    """Return the sum of squares of the unknowns and of the weighted errors."""
+    return float(q @ q) + sum(float(error @ error) for error in errors)
+
+
 class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
@@ -272,7 +277,7 @@ class Trajectories:
     def cost(self, q: FloatArray) -> float:
         """Return the cost, the prior's among it; infinite where the motion grows without bounds."""
         try:
-            return float(q @ q) + sum(float(error @ error) for error in self.errors(q))
+            return cost_of(q, self.errors(q))
         except SolverError:
             return np.inf
 
@@ -310,7 +315,7 @@ class Trajectories:
         slope = -q
         for error, (rows, at) in zip(errors, parts):
             slope[at] += rows.T @ error
-        return Normal(float(q @ q) + sum(float(error @ error) for error in errors), information, slope, parts)
+        return Normal(cost_of(q, errors), information, slope, parts)
 
     def _record(self, k: int, q: FloatArray, slopes: bool) -> tuple[FloatArray, FloatArray, np.ndarray]:
         """Return weighted errors and their derivatives (of no rows without `slopes`) by some unknowns, and which."""

@@ -176,14 +176,11 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
     none. A motion that only constant readings show, not even noise, beside another that moves, is not measured, either.
     """
     dead, said = dict[str, FloatArray](), list[str]()
-    still = {dof: all(np.ptp(values) == 0.0 for values in readings if values.size)
-             for dof in record.dofs
-             if (readings := [v[np.isfinite(v)] for name in (dof + suffix for suffix in RATES)
-                              if (v := record.channels.get(name)) is not None])}
+    channels = {dof: [dof + suffix for suffix in RATES if dof + suffix in record.channels] for dof in record.dofs}
+    still = [dof for dof, names in channels.items() if names and all(constant(record.channels[n]) for n in names)]
     for dof in record.dofs:
-        if still.get(dof, False) and not all(still.values()):
-            dead |= {name: np.full(record.time.size, np.nan) for name in (dof + suffix for suffix in RATES)
-                     if name in record.channels}
+        if dof in still and len(still) < len(channels):
+            dead |= {name: np.full(record.time.size, np.nan) for name in channels[dof]}
             said.append(f"{dof} of {record.name} is constant while another motion is not: a dead channel, left out.")
             continue
         seen = signals.columns_of(record, dof)
@@ -200,6 +197,11 @@ def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str,
                 said.append(f"{name} of {record.name} shows no motion where another sensor does: a dead sensor, left "
                             "out.")
     return (record.with_channels(**dead) if dead else record), tuple(said)
+
+
+def constant(values: FloatArray) -> bool:
+    """Whether all samples that are there have one value."""
+    return np.unique(values[np.isfinite(values)]).size == 1
 
 
 def without_gravity(record: Record, least: float = 2.0) -> tuple[Record, tuple[str, ...]]:

@@ -67,6 +67,7 @@ class Rollout:
         self.linear = np.zeros((self.ns, self.ns))
         self.linear[: f.shape[0], : f.shape[0]] = f
         self.half = expm(self.linear * 0.5 * self.h)
+        self.whole = self.half @ self.half
         self.rows = np.arange(model.fit.states + model.n, self.ns, dtype=np.int64)
         self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
                                 for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
@@ -106,7 +107,7 @@ class Rollout:
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
         states[0] = start
-        dynamics = self.half, self.half @ self.half, self.linear[v:v + n]
+        dynamics = self.half, self.whole, self.linear[v:v + n]
         walk((rates.each, *rates.prepared(p)), dynamics, self.h, drive[:-1], time[:-1], states, stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
@@ -125,7 +126,7 @@ class Rollout:
 
         slope, result = self.mapped("slope"), np.empty((time.size, *d_start.shape))
         result[0] = d_start
-        propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.half @ self.half), self.rows, self.h,
+        propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.whole), self.rows, self.h,
                          (stages, drive[:-1], time[:-1]), np.ascontiguousarray(columns), result)
         return result
 
