@@ -17,5 +17,6 @@ def test_demo_from_nothing_to_a_page(tmp_path, capsys):
     coefficient, deviation = verdict["effects"][0]["parameters"]["coefficient"]
     assert abs(coefficient - 90.0) < 4.0 * deviation
     assert found["diagnosis"]["how_far"]["gap_after"] < 0.1 * found["diagnosis"]["how_far"]["gap_before"]
+    assert not found["diagnosis"]["notes"]  # its records are sound
     for name in ("report.html", "tank.nc", "fit.json", "waves_30s.csv", "diagnosis/report.json"):
         assert (tmp_path / name).stat().st_size > 100

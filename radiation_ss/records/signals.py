@@ -58,17 +58,18 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
     return found
 
 
-def column_doubts(record: Record, dof: str, apart: float = 1.4, alike: float = 0.95) -> list[str]:
+def column_doubts(record: Record, dof: str, apart: float = 1.4, alike: float = 0.95, lines: int = 8) -> list[str]:
     """Return a sentence for each column that is another one's derivative but for a factor of `apart` or more.
 
-    Where they correlate by `alike` in the band of the motion, noise makes 5 % of that at most.
+    Where they correlate by `alike` in the band of the motion, noise makes 5 % of that at most. Of a decay that is over
+    at once the window leaves nothing: the band of what is left has less than so many `lines`.
     """
     found, record = [], replace(record, kind="motion-only")  # windowed: the ends of a decay are no motion
     for (low, lower), (high, upper) in pairwise(columns_of(record, dof)):
         omega, below = spectrum_of(record, record.channels[lower])
         band, above = band_of(omega, below), spectrum_of(record, record.channels[upper])[1]
         correlation, times = compared(below[band] * (1j * omega[band]) ** (high - low), above[band])
-        if correlation > alike and not 1.0 / apart < times < apart:
+        if band.sum() >= lines and correlation > alike and not 1.0 / apart < times < apart:
             knots = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
             rate = "rate" if high - low == 1 else "second rate"
             found.append(f"{upper} is {times:.3g} times the {rate} of change of {lower}{knots}; "
