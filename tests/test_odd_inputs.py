@@ -31,10 +31,23 @@ def test_a_seed_that_is_none_is_refused():
             work(model, [record], seed=1.5)
 
 
-@pytest.mark.parametrize("work", [rss.diagnose, rss.identify])
-def test_a_list_that_is_no_record_is_refused(work):
-    with pytest.raises(rss.InputError, match=r"records: a Record, .* list found"):
-        work(tank_model(), [[1.0, 2.0, 3.0]])
+@pytest.mark.parametrize("work", [rss.diagnose, rss.identify, rss.isolability, rss.simulate, rss.prescribed_force])
+@pytest.mark.parametrize("given, found", [([[1.0, 2.0, 3.0]], "list"), (5, "int"), ([None], "NoneType"),
+                                          ({"a": 1}, "dict")])
+def test_what_is_no_record_is_refused(work, given, found):
+    with pytest.raises(rss.InputError, match=rf"records: a Record, .* {found} found"):
+        work(tank_model(), given)
+
+
+def test_several_records_where_one_is_needed_and_tests_without_names_are_refused():
+    record = rss.Record(np.arange(0.0, 20.0, 0.05), {"Heave": np.zeros(400)}, kind="decay")
+    with pytest.raises(rss.InputError, match="a list of 2 found; give one record"):
+        rss.simulate(tank_model(), [record, record])
+    for tests in (5, [[1, 2]]):
+        with pytest.raises(rss.InputError, match="tests: beginnings of names"):
+            rss.plan_tests(tank_model(), tests=tests)
+    with pytest.raises(rss.InputError, match="int found"):
+        rss.plan_tests(tank_model(), tests={"a": 1})
 
 
 @pytest.mark.parametrize("time, heave, words", [

@@ -64,3 +64,15 @@ def test_a_pause_in_a_long_record_is_lawful():
     time = np.concatenate([np.arange(0.0, 3600.0, 0.5), np.arange(7300.0, 10000.0, 0.5)])
     assert rss.Record(time, {"Heave": np.sin(time)}).time.size == time.size
     assert rss.Record([0.0, 1000.0, 2000.0], {"Surge": [0.0, 1.0, 2.0]}, kind="static").kind == "static"
+
+
+@pytest.mark.parametrize("held", [0, 100, 500])     # 25 s of 80
+def test_a_decay_without_its_kind_is_asked_for_it(held):
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, period=2.545, damping_ratio=0.02)
+    time = np.arange(0.0, 55.0, 0.05)
+    drag = ("quadratic_drag", "Roll", {"coefficient": 20.0})
+    swung = rss.simulate(model, (time, np.zeros((1, time.size))), drag, start={"Roll": 0.24}).outputs[0]
+    roll = np.r_[np.full(held, 0.24), swung] + 1e-3 * np.random.default_rng(0).standard_normal(time.size + held)
+    record = rss.Record(0.05 * np.arange(roll.size), {"Roll": roll}, name="held")
+    found = rss.diagnose(model, record, effects=["quadratic_drag", "linear_damping"])
+    assert any("Roll dies away" in note and "`# kind: decay`" in note for note in found.notes)

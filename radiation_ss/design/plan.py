@@ -19,6 +19,7 @@ from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, accepting, later
+from radiation_ss.records.convert import as_one_record
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -236,8 +237,10 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         if not (value > 0.0 and np.isfinite(value)):
             raise InputError(f"{name}: {value}; a positive share of the motion is needed (0.01 is 1 %)")
     if isinstance(tests, Mapping):
-        menu = [PlannedTest(name, "given", record) for name, record in tests.items()]
+        menu = [PlannedTest(name, "given", as_one_record(record, model)) for name, record in tests.items()]
     else:
+        if tests is not None and not all(isinstance(name, str) for name in listed(tests)):
+            raise InputError("tests: beginnings of names of the menu are needed, or a mapping of names to records")
         every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None)
         menu = [t for t in every if tests is None or t.name.startswith(tuple(listed(tests)))]
     if not menu:

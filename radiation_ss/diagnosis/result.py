@@ -273,9 +273,10 @@ def sentence(found: Diagnosis) -> str:
             zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
             told += f"; beside it a zero is off: {' or '.join(zeros)}"
     elif v.status == "ambiguous" and not v.indistinguishable:
-        told = ("These records tell no cause: the force is not known and the motion is slow against the natural "
-                "periods, so any restoring and any force explain each other. They show where the body rests and how "
-                f"far each motion goes with the others; measure {v.next_record}")
+        told = ("These records tell no cause: the force is not known and the motion is held, or slow against the "
+                "natural periods, so any restoring and any force explain each other. They show where the body rests "
+                "and how far each motion goes with the others; a decay, held until its release or not, needs "
+                f"`# kind: decay`; else measure {v.next_record}")
     elif v.status == "ambiguous":
         told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,14 +71,34 @@ def is_table(given: Any) -> bool:
 
 
 def as_records(given: Any, model: Model | None = None) -> Any:
-    """Return files, DataFrames and Datasets as Records, alone or in a sequence, with the columns of a model; others as
-    is.
+    """Return files, DataFrames and Datasets as Records, alone or in a sequence, with the columns of a model; InputError
+    for what is none.
     """
-    if isinstance(given, str | Path) or is_table(given):
-        return as_record(given, dofs=() if model is None else model.dofs)
-    if isinstance(given, list | tuple):
-        return [as_records(item, model) for item in given]
-    return given
+    def one(item: Any) -> Record:
+        if isinstance(item, Record):
+            return item
+        if isinstance(item, str | Path) or is_table(item):
+            return as_record(item, dofs=() if model is None else model.dofs)
+        raise InputError("records: a Record, a pandas.DataFrame or the name of a file is needed, "
+                         f"{type(item).__name__} found")
+
+    several = isinstance(given, Iterable) and not isinstance(given, str | Mapping) and not is_table(given)
+    return [one(item) for item in given] if several else one(given)
+
+
+def as_one_record(given: Any, model: Model | None = None) -> Record:
+    """Return one record of whatever stands for it, with the columns of a model; InputError for several."""
+    found = as_records(given, model)
+    if isinstance(found, list):
+        raise InputError(f"record: a list of {len(found)} found; give one record, and call again for each other")
+    return found
+
+
+def record_or_force(given: Any, model: Model | None = None) -> Any:
+    """Return one record of whatever stands for it; (time, force) as it is."""
+    arrays = isinstance(given, list | tuple) and len(given) == 2 and not any(
+        isinstance(item, Record | str | Path) or is_table(item) for item in given)
+    return given if arrays else as_one_record(given, model)
 
 
 def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collection[str] = (),

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
@@ -32,7 +31,8 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     if abs(record.speed) > fastest:
         found.append(f"comment 'speed': {record.speed:g} m/s is {record.speed / KNOT:.3g} knots; if it is in knots, "
                      f"write {record.speed * KNOT:.4g}")
-    if not stated and record.kind == "motion-only":
+    pushed = [name for name in record.channels if name == "wave_elevation" or name.endswith("_force")]
+    if not stated and record.kind in ("waves", "motion-only") and not pushed:
         dying = [dof for dof in record.dofs if dof in record.channels and dies_away(record.channels[dof])]
         found += [f"{dof} dies away from its largest value as in a free decay; if no force acts, add `# kind: decay` "
                   "(kind='decay')" for dof in dying[:1]]
@@ -80,9 +80,6 @@ def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records with names that differ: a number is added to those that are there already."""
     names: list[str] = []
     for record in records:
-        if not isinstance(record, Record):
-            raise InputError("records: a Record, a pandas.DataFrame or the name of a file is needed, "
-                             f"{type(record).__name__} found")
         name, number = record.name, 2
         while name in names:
             name, number = f"{record.name}_{number}", number + 1

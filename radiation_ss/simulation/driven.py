@@ -18,7 +18,7 @@ from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
-from radiation_ss.records.convert import as_records
+from radiation_ss.records.convert import as_one_record
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.compiled import Compiled
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Spline = Callable[..., FloatArray]  # of time and order of the derivative
 
 
-@accepting(model=as_model, record=as_records)
+@accepting(model=as_model, record=as_one_record)
 def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), *,
                      band: float = 6.0) -> ct.TimeResponseData:
     """Return the force that moves the body as a record says: the load cell's reading of a forced-motion test.
