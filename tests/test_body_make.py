@@ -187,3 +187,20 @@ def test_a_system_of_python_control_is_a_body():
 def test_a_tolerance_is_a_share(tolerance):
     with pytest.raises(rss.InputError, match="a share between 0 and 1"):
         rss.body(dof="Heave", mass=5.0, added_mass=1.0, C=200.0, tolerance=tolerance)
+
+
+@pytest.mark.parametrize("numbers, words", [
+    ({"dof": "Roll", "mass": 993.0, "GM": 0.0843, "period": 2200.0}, r"Roll: .*radius of gyration.*period \[s\]"),
+    ({"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 341.0, "added_mass": 0.0}, r"gyradius \[m\]"),
+    ({"dof": "Heave", "mass": 993.0, "added_mass": 900.0, "period": 2200.0}, r"Heave: .* deep.*period \[s\]"),
+    ({"dof": "Heave", "mass": 993.0, "added_mass": 900.0, "C": 3.0}, r"C \[N/m\]"),
+])
+def test_numbers_of_a_body_of_another_size_are_named(numbers, words):
+    with pytest.warns(InputWarning, match=words):
+        rss.body(**numbers)
+
+
+@pytest.mark.parametrize("mass, C", [(8.07e6, 1025.0 * 9.81 * 33.2), (2.2e8, 1025.0 * 9.81 * 1100.0), (1.4e7, 3.8e6)])
+def test_slender_bodies_are_taken_as_they_are(mass, C):
+    """Hywind (Jonkman 2010), a classic spar, the DeepCwind semisubmersible (Robertson 2014)."""
+    assert rss.body(dof="Heave", mass=mass, added_mass=mass, C=C).C[0, 0] == C

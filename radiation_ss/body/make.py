@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,8 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
     if data is not None:
         data = data.replace(M=M, C=C, D=D)
     model = Model(p.dof, M, A_inf, C, fit or no_radiation(p.dof), D, data, name)
+    for text in size_doubts(p, model):
+        warnings.warn(InputWarning(text), stacklevel=2)
     return model.replace(tolerance=every or _tolerances(said, p, data, fit, model))
 
 
@@ -238,6 +240,26 @@ def _shared_out(total: float, M: float | None, A: float | None, C: float, said: 
         warnings.warn(InputWarning(f"{said} and stiffness {C:.4g} leave an added inertia {total / M - 1.0:.3g} times "
                                    "the body's; check the period [s], and GM [m] or C [SI]"), stacklevel=6)
     return (known, total - known) if M is not None else (total - known, known)
+
+
+def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[str]:
+    """Yield a sentence for each motion whose numbers are those of a body far larger than the water of its mass.
+
+    In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,
+    is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3).
+    """
+    for i, dof in enumerate(p.dof):
+        mass, C, inertia = p.of("mass", dof), float(model.C[i, i]), float((model.M + model.A_inf)[i, i])
+        if mass is None:
+            continue
+        side = (mass / p.rho) ** (1.0 / 3.0)
+        water = f"and the mass is that of a cube of water of {side:.4g} m"
+        if mode(dof) == "Heave" and C > 0.0 and mass * p.g > most * side * C:
+            yield (f"{dof}: with stiffness {C:.4g} N/m the body is {mass * p.g / C:.4g} m deep, {water}; check mass "
+                   "[kg], period [s] and C [N/m]")
+        if mode(dof) in RESTORED and inertia > (most * side) ** 2 * mass:
+            yield (f"{dof}: with inertia {inertia:.4g} kg m^2 the radius of gyration is {np.sqrt(inertia / mass):.4g} "
+                   f"m, {water}; check mass [kg], gyradius [m], period [s] and GM [m]")
 
 
 def _stiffness(C: float | None, dof: str) -> float:
