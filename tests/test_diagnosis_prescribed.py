@@ -156,6 +156,7 @@ def test_an_inclining_test_beside_a_decay_raises_no_warning_and_tells_the_stiffn
     assert abs(value / stiffness - 0.1) < 3.0 * std / stiffness < 0.06
 
 
+@pytest.mark.filterwarnings("ignore:Heave. with stiffness")  # which also says that these are not SI units
 @pytest.mark.parametrize("unit", [1e-3, 1e6])
 def test_a_static_test_hides_no_drag_of_a_decay_whatever_the_unit_of_force(unit):
     """The motion is in metres, the static test's error in newtons: neither is to outweigh the other by its unit."""
