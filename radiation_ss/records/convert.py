@@ -94,7 +94,7 @@ def as_one_record(given: Any, model: Model | None = None) -> Record:
     return found
 
 
-def record_or_force(given: Any, model: Model | None = None) -> Any:
+def as_record_or_force(given: Any, model: Model | None = None) -> Any:
     """Return one record of whatever stands for it; (time, force) as it is."""
     arrays = isinstance(given, list | tuple) and len(given) == 2 and not any(
         isinstance(item, Record | str | Path) or is_table(item) for item in given)

@@ -16,7 +16,7 @@ from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.methods import accepting
-from radiation_ss.records.convert import record_or_force as of_record_or_force
+from radiation_ss.records.convert import as_record_or_force
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.driven import equilibrium
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import control as ct
 
 
-@accepting(model=as_model, record_or_force=of_record_or_force)
+@accepting(model=as_model, record_or_force=as_record_or_force)
 def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
              start: ArrayLike | Mapping[str, float] | None = None, step: float | None = None) -> ct.TimeResponseData:
     """Simulate the model with effects.
