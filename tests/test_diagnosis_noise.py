@@ -134,9 +134,46 @@ def test_end_stops_are_found_beside_a_slow_force(share, loss):
         records.append(rss.Record(even, {"Heave": read, "Heave_force": force(even)}, kind="forced", name=name))
     found = rss.diagnose(model, records[0], withhold=records[1])
     sets = found.verdict.indistinguishable or [[effect.name for effect in found.verdict.effects]]
-    assert sets and all("end_stop" in labels for labels in sets) and found.budget.after < 0.05 < found.budget.before
+    assert sets and all("end_stop" in labels for labels in sets)
+    assert found.budget.unexplained < 0.05 < found.budget.before and found.budget.after < 0.3 * found.budget.before
     value, std = next(row for row in found.budget.rows if row.cause == "end_stop").parameters["gap"]
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
+
+
+def pushed(model, rng, top, rms, name):
+    """A record of a body pushed by a random force below `top` natural frequencies, of `rms` times C and the motion."""
+    C, w = float(model.C[0, 0]), np.sqrt(float(model.C[0, 0] / (model.M + model.A_inf)[0, 0]))
+    waves, phase = top * w * rng.uniform(0.1, 1.0, 20), rng.uniform(0.0, 6.28, 20)
+    rms = rms * C * 0.08  # the free motion's, nearly
+    push = lambda t: rms * np.sqrt(0.1) * float(np.sum(np.cos(waves * t + phase)))  # noqa: E731
+    time, force, moved = driven(model, rng, force=lambda t, x, v: -push(t))
+    even = time[::8]
+    read = moved(even) + 0.001 * np.std(moved(even)) * rng.normal(size=even.size)
+    dof = model.dofs[0]
+    made = np.sqrt(np.mean(np.square([push(t) for t in even[::4]])))
+    return made, rss.Record(even, {dof: read, f"{dof}_force": force(even)}, kind="forced", name=name)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_force_of_unknown_course_is_named_with_its_size(seed):
+    """Below a third of the natural frequency, of its own course in each record: nothing predicts it."""
+    rng = np.random.default_rng(seed)
+    (one, seen), (other, unseen) = (pushed(heave(), rng, 0.33, 0.3, name) for name in ("seen", "unseen"))
+    found = rss.diagnose(heave(), seen, withhold=unseen)
+    (effect,) = found.verdict.effects
+    value, std = effect.parameters["rms"]
+    assert effect.name == "slow_drift" and found.verdict.probability > 0.8
+    assert abs(value - np.sqrt((one**2 + other**2) / 2.0)) < 3.0 * std < 0.3 * value
+    share = next(row.share for row in found.budget.rows if row.cause == "slow_drift")
+    assert share > 0.8 and found.how_far.gap_after > 0.5 * found.how_far.gap_before
+    without = rss.diagnose(heave(), seen, withhold=unseen, absent=["slow_drift"]).verdict
+    assert without.status == "unknown_effect"
+
+
+def test_a_random_force_of_all_frequencies_is_no_slow_one():
+    rng = np.random.default_rng(5)
+    (_, seen), (_, unseen) = (pushed(heave(), rng, 2.0, 0.3, name) for name in ("seen", "unseen"))
+    assert rss.diagnose(heave(), seen, withhold=unseen).verdict.status == "unknown_effect"
 
 
 def drifting(rng, coefficient, name):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.prediction import Error, Predictor, energy
+from radiation_ss.diagnosis.prediction import Error, Predictor, energy, without_slow
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
@@ -41,6 +41,8 @@ class Data:
         Of records that no fit sees.
     contradiction : float
         By how much the model's coefficients contradict themselves, of their largest damping.
+    drifts : bool
+        Whether a slow force of unknown course is among the effects to consider.
     """
 
     fitted: tuple[Record, ...]
@@ -50,6 +52,7 @@ class Data:
     check: Callable[[], EquationError] | None = None
     withheld: EquationError | None = None
     contradiction: float = 0.0
+    drifts: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +132,12 @@ def predictable(model: Model, record: Record) -> bool:
     return record.kind != "motion-only" and exciting_force(model, record) is not None
 
 
-def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Budget, dict[str, list[Error]]]:
+def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
+            slow: Sequence[Row], below: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
     """Return the budget on unseen records, and the predictions given, recalibrated and corrected.
 
-    `null` is the set without effects.
+    `null` is the set without effects; `slow` the drifts, `below` some frequencies in each record: they have a course of
+    their own in each, so they explain an error and predict none.
     """
     problem, best = found.problem, pair.best
     model, unseen = problem.model, [r for r in data.unseen if predictable(problem.model, r)]
@@ -157,6 +162,8 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Bu
     causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
                    {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
                for a, stds in zip(best.effects, best.effects_std)]
+    drifts = {len(causes) + k: {at: top for at, top in below.items() if model.dofs[at[1]] == row.dof}
+              for k, row in enumerate(slow)}
     predictions["recalibrated"] = pair.errors(null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problem, pair, error, runs) for error in given]
@@ -165,11 +172,13 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data) -> tuple[Bu
 
     def predict_seen(parts: frozenset[int]) -> list[Error]:
         errors = predict(parts)
+        for k in parts & drifts.keys():
+            errors = without_slow(errors, drifts[k])
         return [errors[k] for k in seen]
 
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
     return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(data.seed),
-                  sizes_of(model, data)), predictions
+                  sizes_of(model, data), slow), predictions
 
 
 def grown(error: Error, times: float = 100.0) -> bool:

@@ -13,29 +13,25 @@ from radiation_ss.diagnosis.account import (
     Data,
     Fitted,
     account,
-    carried,
     farthest,
     first,
     numbers,
     of_size,
     place,
     predictable,
-    recorded_noise,
     retried,
 )
-from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of
+from radiation_ss.diagnosis.left import Remainder, left_by, remainder, share_left, unit_of
+from radiation_ss.diagnosis.prediction import Error, Predictor, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import Budget
+from radiation_ss.diagnosis.shares import Budget, Row
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named, library
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, Keys
-from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.rows import force_noise
 from radiation_ss.inference.search import Found, pulled_slowly
-from radiation_ss.records.record import Record
 from radiation_ss.simulation.corrected import Corrected
 
 
@@ -48,9 +44,11 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                                   errors), problem, known, data.tolerated, rules)
     null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
                     else (numbers(problem, found.null, data.tolerated, rules), pair))
-    ledger, predictions = account(found, null, tested, data)
+    rest = remainder(problem, pair.candidate, data, rules)
+    slow = [Row(e.name, e.dof, 0.0, (0.0, 0.0), e.inclusion, e.parameters) for e in rest.drifts.values()]
+    ledger, predictions = account(found, null, tested, data, slow, rest.below)
     how = far(ledger, predictions)
-    answer = decided(found, pair, ledger, closed, hidden, rules, data)
+    answer = decided(found, pair, ledger, closed, hidden, rules, data, rest)
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
     far_off = farthest(own, pair)
     # What is rather not there than there is no answer, either.
@@ -67,7 +65,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
 
 
 def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,
-            data: Data) -> Answer:
+            data: Data, beside: Remainder) -> Answer:
     """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
     problem = found.problem
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
@@ -79,27 +77,30 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
              and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
     telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]
     chance = joint(found, [(e.name, *both(e.dof)) for e in named])
-    unexplained = left_over(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)])
-    grows = ledger.after**2 > ledger.before**2 + rules.matters**2
+    # What zeros of sensors are off by in any record is no drift of the force.
+    drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
+    slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
+    unexplained = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)
+    grows = ledger.before**2 * (ledger.left - 1.0) > rules.matters**2
     kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
     untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
     rest = ledger.before * np.sqrt(ledger.unexplained)
     closes = unexplained <= rules.unexplained or rest < rules.matters
-    missed = misfit(problem, pair.candidate, rules) or surprised(pair.candidate, data, rules)
     # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
     left = min(ledger.unexplained, 1.0)
-    worth = min(1.0 - max(rules.false_alarm, np.sqrt(left) if missed else left, data.contradiction),
+    worth = min(1.0 - max(rules.false_alarm, np.sqrt(left) if beside.missed else left, data.contradiction),
                 1.0 / (1.0 + ledger.against))
-    outside = rest >= rules.matters and (grows or missed) and ledger.beyond >= rules.matters
+    outside = rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters
     sets = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
+    sets = [(*told, *(label(problem.model, e.name, e.dof) for e in slow)) for told in sets]
+    doubtful = within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
     if named and not ledger.unseen:  # without a known force nothing checks a name
         status, cap, named = "ambiguous", min(chance, 0.5), []
-    elif named == telling != [] and not grows and closes:
-        status, cap = "effect", min(chance, worth)
-    elif (within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters and shrinks(ledger, rules)
-          and (closes or not outside)):
+    elif named == telling and (named or (slow and not doubtful)) and not grows and closes:
+        status, cap, named = "effect", min(chance, worth), [*named, *slow]
+    elif doubtful and shrinks(ledger, rules) and (closes or not outside):
         # Effects of one set that do not stand out beside each other stand for each other.
         sets = sets if len(sets) > 1 else [(told,) for told in sets[0]]
         status, cap, named = "ambiguous", found.probabilities()[0], []
@@ -117,9 +118,14 @@ def zeros() -> list[str]:
     return sorted(e.name for e in library().values() if e.family == "offset" and not e.per_record)
 
 
+def least_beside(closed: FloatArray, rules: Rules) -> float:
+    """Return how much of the motion a zero that is off, or a slow force, accounts for at least to be told."""
+    return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
+
+
 def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
     """Return the degrees of freedom where a zero is off by what matters."""
-    least, names = max(rules.matters, np.sqrt(rules.matters) * float(np.linalg.norm(closed))), zeros()
+    least, names = least_beside(closed, rules), zeros()
     sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in names and size >= least}
     chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
                        if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
@@ -156,46 +162,6 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
     return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
-def left_over(pair: Fitted, ledger: Budget, fitted: Sequence[Record]) -> float:
-    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together."""
-    rest = ledger.before**2 * ledger.unexplained
-    given = pair.errors((), fitted) if fitted else None
-    best = pair.errors(pair.best.actives, fitted) if fitted else None
-    if given is None or best is None:
-        return ledger.unexplained
-    return float((rest + energy(best).sum()) / max(ledger.before**2 + energy(given).sum(), 1e-300))
-
-
-def misfit(problem: EquationError, candidate: Candidate, rules: Rules) -> bool:
-    """Whether the force that is left would move the body by what matters, beside noise and tolerances."""
-    rows, residual = problem.rows, left_by(problem, candidate, known=True)
-    # No less than far above the motion: what is less in its band went to the force.
-    noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
-    excess, chance, whole = np.zeros((3, problem.model.n))
-    for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
-        run, i = problem.runs[p.record], p.dof
-        # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
-        through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
-        omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
-        own = noise[p.rows] + recorded_noise(run, i, omega) ** 2
-        excess[i] += np.sum((residual[p.rows] ** 2 - own) * through)
-        chance[i] += 2.0 * np.sum((own * through) ** 2)
-        whole[i] += np.sum(run.x[i] ** 2)
-    return bool(np.any(excess > np.maximum(rules.matters**2 * whole, rules.confirmed * np.sqrt(chance))))
-
-
-def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:
-    """Return the equation error that a set leaves; `known`: beside what is known of."""
-    return problem.residual([term.columns for term in candidate.terms], candidate.posterior, known)
-
-
-def surprised(candidate: Candidate, data: Data, rules: Rules) -> bool:
-    """Whether the withheld records hold a force that the set does not explain, its numbers fitted to them."""
-    if data.withheld is None:
-        return False
-    return misfit(data.withheld, carried(candidate, data.withheld, rules), rules)
-
-
 def both(dof: str) -> tuple[str, str]:
     """Take a place apart."""
     one, _, other = dof.partition(",")
@@ -208,14 +174,6 @@ def name(problem: EquationError, active: Active, stds: Sequence[float], chance: 
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
     values = {n: (v, s) for (n, v), s in zip(active.values.items(), stds) if s > 0.0}
     return Named(active.name, place(active), values, units, chance)
-
-
-def unit_of(form: str, dof: str, other: str) -> str:
-    """Return a parameter's unit in SI for a degree of freedom."""
-    def turns(d: str) -> bool:
-        return d.split("__")[-1] in ("Roll", "Pitch", "Yaw")
-    text = form.replace("F", "N m" if turns(dof) else "N").replace("X", "rad" if turns(dof) else "m")
-    return text.replace("Y", "rad" if turns(other) else "m")
 
 
 def joint(found: Found, keys: Sequence[Key]) -> float:

@@ -14,6 +14,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
 from radiation_ss.diagnosis.conclusion import concluded, contradiction
+from radiation_ss.diagnosis.left import DRIFT
 from radiation_ss.diagnosis.prediction import split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
@@ -135,7 +136,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     tolerated = tolerances(tolerance)
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
-    found, hidden = searched(problem, chosen, present, rules)
+    # The course of a slow force is not searched: what the search leaves tells it.
+    drifts = [e for e in chosen if e.name == DRIFT and DRIFT not in present]
+    found, hidden = searched(problem, [e for e in chosen if e not in drifts], present, rules)
     found = by_trajectories(found, tolerated, rules.search, rules.fit, present)
     if left_out(problem, found.candidates[0].posterior):
         notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out: a fit of "
@@ -147,7 +150,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
-    data, notes = replace(data, contradiction=contradiction(model)), [*notes, *said]
+    data, notes = replace(data, contradiction=contradiction(model), drifts=bool(drifts)), [*notes, *said]
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping (hydro.check() says where): no name is surer than they are."]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -135,6 +135,24 @@ def mean_of(error: Error) -> float:
     """Return the level that a signal's size is measured from: zero, but for a mean larger than what varies."""
     mean, spread = float(np.mean(error.measured)), float(np.std(error.measured))
     return mean if abs(mean) > spread > 0.0 else 0.0
+
+
+def cosines(time: FloatArray, top: float) -> FloatArray:
+    """Return a constant and the cosines of whole half periods over a record, up to a frequency, shape (nt, k)."""
+    span = float(time[-1] - time[0])
+    count = int(top * span / np.pi) + 1
+    return np.asarray(np.cos(np.pi * np.outer((time - time[0]) / span, np.arange(count))))
+
+
+def without_slow(errors: Sequence[Error], slow: Mapping[tuple[str, int], float]) -> list[Error]:
+    """Return errors without what is slower than a frequency, of those motions of a record that have one."""
+    found = []
+    for e in errors:
+        if (e.record, e.dof) in slow and np.any(e.error):
+            basis = cosines(e.time, slow[e.record, e.dof])
+            e = replace(e, error=e.error - basis @ np.linalg.lstsq(basis, e.error, rcond=None)[0])
+        found.append(e)
+    return found
 
 
 class Predictor:

@@ -269,6 +269,10 @@ def sentence(found: Diagnosis) -> str:
         told = within_tolerance(found)
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
+        slow = sum(row.share for row in found.budget.rows if row.cause == "slow_drift")
+        if any(e.name == "slow_drift" for e in v.effects):
+            told += (f"; {slow:.0%} of its energy is the slow force, which has a course of its own in each record and "
+                     "is explained, not predicted")
         if v.indistinguishable:
             zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
             told += f"; beside it a zero is off: {' or '.join(zeros)}"

@@ -14,6 +14,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.diagnosis.prediction import Error, energy
 from radiation_ss.methods import Brief
 
+DRAWS = 400  # of the bootstrap
+
 
 @dataclass(frozen=True)
 class Row:
@@ -76,6 +78,16 @@ class Budget(Brief):
         return float(np.clip(sum(row.share for row in self.rows if row.cause == "unexplained"), 0.0, 1.0))
 
     @property
+    def left(self) -> float:
+        """Share of the gap's energy that stays beside all causes; more than 1 where they make it larger."""
+        return 1.0 - sum(row.share for row in self.rows if row.cause not in ("offset", "unexplained", "noise"))
+
+    def closed_by(self, cause: str, dof: str) -> float:
+        """Return how much of the motion a cause accounts for."""
+        share = sum(row.share for row in self.rows if (row.cause, row.dof) == (cause, dof))
+        return self.before * float(np.sqrt(max(share, 0.0)))
+
+    @property
     def against(self) -> float:
         """Share of the gap's energy that several effects surely make against each other."""
         effects = [row for row in self.rows if row.inclusion is not None]
@@ -129,7 +141,7 @@ def shapley(count: int, value: Callable[[frozenset[int]], FloatArray]) -> FloatA
 
 def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs: Sequence[str],
            block: float, rng: np.random.Generator, sizes: Mapping[tuple[str, int], float] | None = None,
-           draws: int = 400) -> Budget:
+           last: Sequence[Row] = ()) -> Budget:
     """Return the budget of a gap.
 
     Parameters
@@ -146,7 +158,8 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     rng : numpy.random.Generator
     sizes : mapping of (record, position of the degree of freedom) to float, optional
         Mean square that an error is compared with, where that is not the one of the signal itself.
-    draws : int
+    last : sequence of Row
+        Causes that explain what the others leave and predict nothing, one after the other; `predict` numbers them on.
     """
     first = predict(frozenset())
     scale = energy(first, sizes) / np.array([max(float(np.sum(e.error**2)), 1e-300) for e in first])
@@ -160,19 +173,21 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     ends = np.cumsum([0] + [k.max() + 1 for k in index])
     start, end = blocks_of(frozenset()), blocks_of(frozenset(range(len(causes))))
     parts = shapley(len(causes), blocks_of) if causes else np.zeros((0, start.size))
+    chain = [end, *(blocks_of(frozenset(range(len(causes) + k + 1))) for k in range(len(last)))]
+    parts = np.concatenate([parts, -np.diff(chain, axis=0)])
     steady = np.concatenate([s * e.error.mean() ** 2 * np.bincount(k)
-                             for s, k, e in zip(scale, index, predict(frozenset(range(len(causes)))))])
-    steady = np.minimum(steady, end)
-    left = end - steady
+                             for s, k, e in zip(scale, index, predict(frozenset(range(len(causes) + len(last)))))])
+    steady = np.minimum(steady, chain[-1])
+    left = chain[-1] - steady
     # Noise goes along with what is left in each block: block by block it varies, and may grow with the motion.
     quiet = np.concatenate([left[i:j] * min(1.0, total / max(left[i:j].sum(), 1e-300))
                             for i, j, total in zip(ends[:-1], ends[1:], size)])
     table = np.concatenate([parts, steady[None], (left - quiet)[None], quiet[None]])
     total = max(float(start.sum()), 1e-300)
-    picks = rng.integers(0, start.size, (draws, start.size))
+    picks = rng.integers(0, start.size, (DRAWS, start.size))
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
-    named = [*causes, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
+    named = [*causes, *last, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
     rows = tuple(Row(r.cause, r.dof, float(table[k].sum() / total), (float(low[k]), float(high[k])), r.inclusion,
                      r.parameters) for k, r in enumerate(named))
     by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(

@@ -1,0 +1,159 @@
+"""What the best set leaves: a force beyond noise and tolerances, and whether it is slow against the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.diagnosis.account import Data, Fitted, carried, recorded_noise
+from radiation_ss.diagnosis.prediction import cosines, energy, without_slow
+from radiation_ss.diagnosis.result import Named
+from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.shares import Budget
+from radiation_ss.effects import effect_named
+from radiation_ss.effects.definition import slab
+from radiation_ss.inference.candidates import Candidate
+from radiation_ss.inference.linear_model import variance
+from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.rows import Place, force_noise
+from radiation_ss.records.record import Record
+
+DRIFT = "slow_drift"
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """Which motions, shape (n,), the force that is left would move by what matters, and what its slow part is.
+
+    Parameters
+    ----------
+    whole, beside : ndarray of bool, shape (n,)
+        With and without the part that is slow.
+    fast : ndarray of bool, shape (n,)
+        Whether what is not slow has so large a share of the energy that it may not be left beside a name.
+    square : ndarray, shape (n,)
+        Sum of the slow force's mean squares over the records.
+    count : ndarray, shape (n,)
+        Of its unknowns.
+    records : ndarray, shape (n,)
+    """
+
+    whole: np.ndarray
+    beside: np.ndarray
+    fast: np.ndarray
+    square: FloatArray
+    count: FloatArray
+    records: FloatArray
+
+
+def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
+    """Return the frequency below which a force is slow against a motion: that of `slow_drift`, of this record's own."""
+    scales = replace(problem.scales[problem.model.dofs[i]], omega=float(run.omega[i]))
+    return slab(effect_named(DRIFT), "frequency", scales).upper
+
+
+def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
+    """Return what is left of the force in some records, beside noise and tolerances."""
+    rows, residual = problem.rows, left_by(problem, candidate, known=True)
+    # No less than far above the motion: what is less in its band went to the force.
+    noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
+    n = problem.model.n
+    excess, chance, whole, slow = np.zeros((2, n)), np.zeros(n), np.zeros(n), np.zeros((3, n))
+    for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
+        run, i = problem.runs[p.record], p.dof
+        # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
+        through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
+        omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
+        own = noise[p.rows] + recorded_noise(run, i, omega) ** 2
+        rest, square, count = beside_slow(problem, p, residual[p.rows], through)
+        excess[0, i] += np.sum((residual[p.rows] ** 2 - own) * through)
+        # Of the noise, too, each unknown of the slow force takes what a row has.
+        excess[1, i] += np.sum((rest**2 - own) * through) + count * np.mean(own * through)
+        chance[i] += 2.0 * np.sum((own * through) ** 2)
+        whole[i] += np.sum(run.x[i] ** 2)
+        slow[:, i] += square, count, 1.0
+    over = excess > np.maximum(rules.matters**2 * whole, rules.confirmed * np.sqrt(chance))
+    return Left(over[0], over[0] & over[1], excess[1] > rules.unexplained * excess[0], *slow)
+
+
+def beside_slow(problem: EquationError, place: Place, residual: FloatArray,
+                weights: FloatArray) -> tuple[FloatArray, float, int]:
+    """Return rows of one place without what a slow force makes; its mean square about its mean and its unknowns."""
+    run = problem.runs[place.record]
+    slow = cosines(run.time, slow_below(problem, run, place.dof))
+    columns = projected_on(run.basis, slow.T, 0, place.bins).reshape(slow.shape[1], -1).T
+    root = np.sqrt(weights)
+    found = np.linalg.lstsq(root[:, None] * columns, root * residual, rcond=None)[0]
+    return residual - columns @ found, float(np.var(slow @ found)), slow.shape[1]
+
+
+def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:
+    """Return the equation error that a set leaves; `known`: beside what is known of."""
+    return problem.residual([term.columns for term in candidate.terms], candidate.posterior, known)
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What no effect of the search explains.
+
+    Parameters
+    ----------
+    missed : bool
+        Whether there is a force that matters, in any records, beside those that are slow.
+    drifts : mapping of int to Named
+        The slow force on each motion whose unexplained force is slow in all records.
+    below : mapping of (str, int) to float
+        The frequency below which it is in each record [rad/s].
+    """
+
+    missed: bool
+    drifts: Mapping[int, Named]
+    below: Mapping[tuple[str, int], float]
+
+
+def remainder(problem: EquationError, candidate: Candidate, data: Data, rules: Rules) -> Remainder:
+    """Return what is left in the records of the fit and, the set's numbers fitted to them, in those withheld."""
+    found = [left(problem, candidate, rules)]
+    if data.withheld is not None:
+        found.append(left(data.withheld, carried(candidate, data.withheld, rules), rules))
+    whole, beside = (np.array([getattr(part, f) for part in found]) for f in ("whole", "beside"))
+    fast = np.array([part.fast for part in found])
+    slow = whole.all(axis=0) & ~fast.any(axis=0) & data.drifts
+    square, count, records = (sum(getattr(part, f) for part in found) for f in ("square", "count", "records"))
+    drifts = {}
+    for i in map(int, np.flatnonzero(slow)):
+        rms, dof = float(np.sqrt(square[i] / records[i])), problem.model.dofs[i]
+        # The spread is that of a Gaussian force with so many unknowns.
+        drifts[i] = Named(DRIFT, dof, {"rms": (rms, rms / float(np.sqrt(2.0 * count[i])))},
+                          {"rms": unit_of("F", dof, dof)}, 1.0 - rules.false_alarm)
+    problems = [problem, *([data.withheld] if data.withheld is not None else [])]
+    below = {(run.record.name, i): slow_below(p, run, i) for p in problems for run in p.runs for i in drifts}
+    return Remainder(bool(np.where(slow, beside, whole).any()), drifts, below)
+
+
+def share_left(pair: Fitted, ledger: Budget, fitted: Sequence[Record],
+               slow: Mapping[tuple[str, int], float]) -> float:
+    """Return the share of the gap's energy that is left unexplained, in the records of the fit and unseen together.
+
+    `slow` are the frequencies below which the errors of some records' motions are explained.
+    """
+    rest = ledger.before**2 * ledger.unexplained
+    given = pair.errors((), fitted) if fitted else None
+    best = pair.errors(pair.best.actives, fitted) if fitted else None
+    if given is None or best is None:
+        return ledger.unexplained
+    kept = energy(without_slow(best, slow)).sum()
+    return float((rest + kept) / max(ledger.before**2 + energy(given).sum(), 1e-300))
+
+
+def unit_of(form: str, dof: str, other: str) -> str:
+    """Return a parameter's unit in SI for a degree of freedom."""
+    def turns(d: str) -> bool:
+        return d.split("__")[-1] in ("Roll", "Pitch", "Yaw")
+    text = form.replace("F", "N m" if turns(dof) else "N").replace("X", "rad" if turns(dof) else "m")
+    return text.replace("Y", "rad" if turns(other) else "m")
