@@ -51,10 +51,13 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     answer = decided(found, pair, ledger, closed, hidden, rules, data, rest)
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
     far_off = farthest(own, pair)
-    # What is rather not there than there is no answer, either.
+    # What is rather not there than there is no answer, either; where the coefficients say so, they may be the cause.
     if answer.status == "effect" and (answer.probability < 0.5 or far_off > rules.plausible):
-        answer = replace(answer, status="unknown_effect", effects=(), indistinguishable=(),
-                         probability=1.0 - answer.probability)
+        blamed = far_off <= rules.plausible and answer.probability >= 1.0 - data.contradiction
+        sets = (tuple(label(model, e.name, e.dof) for e in answer.effects),) if blamed else ()
+        answer = replace(answer, status="ambiguous" if blamed else "unknown_effect", effects=(),
+                         indistinguishable=sets,
+                         probability=answer.probability if blamed else 1.0 - answer.probability)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,

@@ -35,7 +35,7 @@ class Left:
     whole, beside : ndarray of bool, shape (n,)
         With and without the part that is slow.
     fast : ndarray of bool, shape (n,)
-        Whether what is not slow has so large a share of the energy that it may not be left beside a name.
+        Whether in any record what is not slow has so large a share of the energy that it may not be left beside a name.
     square : ndarray, shape (n,)
         Sum of the slow force's mean squares over the records.
     count : ndarray, shape (n,)
@@ -63,7 +63,7 @@ def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
     # No less than far above the motion: what is less in its band went to the force.
     noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
     n = problem.model.n
-    excess, chance, whole, slow = np.zeros((2, n)), np.zeros(n), np.zeros(n), np.zeros((3, n))
+    sums, slow, fast = np.zeros((4, n)), np.zeros((3, n)), np.zeros(n, dtype=bool)
     for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
@@ -71,14 +71,23 @@ def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
         own = noise[p.rows] + recorded_noise(run, i, omega) ** 2
         rest, square, count = beside_slow(problem, p, residual[p.rows], through)
-        excess[0, i] += np.sum((residual[p.rows] ** 2 - own) * through)
         # Of the noise, too, each unknown of the slow force takes what a row has.
-        excess[1, i] += np.sum((rest**2 - own) * through) + count * np.mean(own * through)
-        chance[i] += 2.0 * np.sum((own * through) ** 2)
-        whole[i] += np.sum(run.x[i] ** 2)
+        mine = np.array([np.sum((residual[p.rows] ** 2 - own) * through),
+                         np.sum((rest**2 - own) * through) + count * np.mean(own * through),
+                         2.0 * np.sum((own * through) ** 2), np.sum(run.x[i] ** 2)])
+        sums[:, i] += mine
         slow[:, i] += square, count, 1.0
-    over = excess > np.maximum(rules.matters**2 * whole, rules.confirmed * np.sqrt(chance))
-    return Left(over[0], over[0] & over[1], excess[1] > rules.unexplained * excess[0], *slow)
+        fast[i] |= bool(matters(mine, rules)[0]) and mine[1] > rules.unexplained * mine[0]
+    whole, beside = matters(sums, rules)
+    return Left(whole, whole & beside, fast, *slow)
+
+
+def matters(sums: FloatArray, rules: Rules) -> np.ndarray:
+    """Return whether the energy that is left, with and without its slow part, is more than chance and not too small.
+
+    `sums` are both energies, the variance by chance and the motion's energy, shape (4, ...); shape (2, ...).
+    """
+    return np.asarray(sums[:2] > np.maximum(rules.matters**2 * sums[3], rules.confirmed * np.sqrt(sums[2])))
 
 
 def beside_slow(problem: EquationError, place: Place, residual: FloatArray,

@@ -301,13 +301,15 @@ class Trajectories:
         return prepared.grid, self.rollout.run(self.starts[k] @ q[own], drive, prepared.grid, p)
 
     def at(self, q: FloatArray) -> Normal:
-        """Return the normal equations; SolverError if the motion grows without bounds."""
+        """Return the normal equations; SolverError if the motion, or its derivatives, grow without bounds."""
         errors, parts, information = [], [], np.eye(self.size)
         for k in range(len(self.records)):
             error, rows, at = self._record(k, q, slopes=True)
             errors.append(error)
             parts.append((rows, at))
             information[np.ix_(at, at)] += rows.T @ rows
+        if not np.isfinite(information).all():
+            raise SolverError("the derivatives of the motion grow without bounds")
         return self._normal(q, errors, parts, information)
 
     def _normal(self, q: FloatArray, errors: list[FloatArray], parts: list[tuple[FloatArray, np.ndarray]],
