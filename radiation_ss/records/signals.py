@@ -128,7 +128,8 @@ def rms_in(record: Record, spectrum: ComplexArray, band: np.ndarray) -> float:
 def whole(time: FloatArray, values: FloatArray, at: FloatArray | None = None) -> FloatArray:
     """Return values with what is missing filled by a straight line, at other times if given."""
     there = np.isfinite(values)
-    return np.interp(time if at is None else at, time[there], values[there]) if there.any() else np.zeros(time.size)
+    at = time if at is None else at
+    return np.interp(at, time[there], values[there]) if there.any() else np.zeros(at.size)
 
 
 def middle(omega: FloatArray, spectrum: ComplexArray) -> float:

@@ -128,7 +128,7 @@ def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, Comp
     """Return frequencies, the force's spectrum (n, nw), and that by the conjugate of X; None if no force is known."""
     rows = record.get("force", model.dofs)
     if rows is not None:
-        spectra = [spectrum_of(record, np.nan_to_num(row)) for row in rows]
+        spectra = [spectrum_of(record, row) for row in rows]
         found = np.stack([s for _, s in spectra])
         return (spectra[0][0], found, None) if np.any(found) else None
     elevation = record.channels.get("wave_elevation")
