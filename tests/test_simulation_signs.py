@@ -1,5 +1,7 @@
 """A force, an elevation or a motion with its sign turned is told; a light resonance that is a little off is not."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,18 +131,46 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, fa
             check_units(model, [record])
 
 
-@pytest.mark.parametrize("turn, said", [((1.0, 1.0), False), ((1.0, -1.0), True), ((-1.0, 1.0), True)])
-def test_an_axis_that_is_turned_with_its_force_is_doubted(turn, said):
-    """Motion and force of one degree of freedom turned: only the coupling shows it. The truth by its impedance."""
+@pytest.fixture(scope="module")
+def coupled():
+    """Return a model of heave and pitch and a record in its truth: by the impedance, with a pitch 15 % stiffer."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 120.0, 0.05)
     M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.array([[3e4, -1500.0], [-1500.0, 1.5e4]]), [900.0, 400.0]
     omega = np.linspace(1.5, 9.0, 80)
     F = np.array([[400.0], [150.0]]) * rng.standard_normal((2, 80)) * np.exp(2j * np.pi * rng.random((2, 80)))
-    Z = C - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
-    wave = np.exp(1j * np.outer(omega, time))
+    Z = C * [[1.0, 1.0], [1.0, 1.15]] - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
     motion = np.linalg.solve(Z, F.T[:, :, None])[..., 0].T
-    x, f = ((part @ wave).real * np.array(turn)[:, None] for part in (motion, F))
+    x, f = ((part @ np.exp(1j * np.outer(omega, time))).real for part in (motion, F))
     rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
-    model = rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D))
-    record = rss.Record(time, {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}, kind="forced")
-    assert any("with both signs turned" in text for text in doubts(model, record)) == said
+    channels = {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}
+    return (rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D)),
+            rss.Record(time, channels, kind="forced"))
+
+
+@pytest.mark.parametrize("changed, said", [
+    ({}, None), ({"Heave": 1.1, "Heave_force": 0.9}, None), ({"Pitch": -1.0, "Pitch_force": -1.0}, "both signs turned"),
+    ({"Heave": -1.0, "Heave_force": -1.0}, "both signs turned"), ({"Pitch_force": -1.0}, "Pitch_force.* turned"),
+    ({"Heave": "Pitch"}, "Heave and Pitch exchanged"), ({"Heave_force": "Pitch_force"}, "Pitch_force exchanged"),
+    ({"Heave_force": 1.0 / 9.81, "Pitch_force": 1.0 / 9.81}, "kgf"),
+    ({"Heave_force": 1.0 / 9.81}, "Heave_force .*kgf")])
+def test_columns_that_fit_the_model_when_read_in_another_way_are_told(coupled, changed, said):
+    """Two columns exchanged, a sign turned, an axis turned with its force (only the coupling shows it), kgf for N."""
+    model, record = coupled
+    c, channels = record.channels, {}
+    for name, how in changed.items():
+        channels |= {name: c[how], how: c[name]} if isinstance(how, str) else {name: how * c[name]}
+    try:
+        check_units(model, [wrong := record.with_channels(**channels)])
+        text = " ".join(doubts(model, wrong))
+    except InputError as error:
+        text = str(error)
+    assert re.search(said, text) if said else not text
+
+
+def test_a_force_at_another_rate_and_a_column_of_no_motion_of_the_model(coupled):
+    """Cells between the samples of a slower sensor are empty, not zero."""
+    model, record = coupled
+    slow = np.where(np.arange(record.time.size) % 5 == 0, record.channels["Heave_force"], np.nan)
+    assert doubts(model, record.with_channels(Heave_force=slow)) == ()
+    (said,) = doubts(model, record.with_channels(heave=slow))
+    assert "column heave: not used; the model's degrees of freedom are Heave, Pitch" in said

@@ -14,8 +14,9 @@ from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
-from radiation_ss.simulation.force_checks import APART, mirrored, sentence, sizes, turned, turned_in_decay
+from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.prepared import exciting_force
 
 
@@ -48,12 +49,13 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
         return
     for dof in model.dofs:
         yield from signals.column_conflicts(record, dof)
-    for dof, factor, text in off_size(model, record):
-        # Friction or a stop may hold a body that moves as the model where the force is larger.
-        if factor > 1.0 or not any(name == dof and times is None for other in records if other is not record
-                                   for name, _, times in against_model(model, other)):
-            yield text
-    yield from turned(model, record)
+    # Friction or a stop may hold a body that moves as the model where the force is larger.
+    off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
+        name == dof and times is None for other in records if other is not record
+        for name, _, times in against_model(model, other))]
+    if off := off + turned(model, record):
+        kind, text = misread(model, record) or ("", "")
+        yield from [text] if kind == "order" else off
 
 
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
@@ -90,9 +92,15 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     else:
         apart = _apart(model, record) if slow_by_nature(record) else ""
         against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
-                *mirrored(model, record), *(text for _, _, text in off_size(model, record)),
+        kind, text = misread(model, record) or ("", "")
+        large = [] if kind in ("order", "sign") else list(sizes(model, record))
+        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
+                *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
                 *filter(None, [apart]), *against]
+    strange = [name for dof in record.dofs if dof not in model.dofs for _, name in signals.columns_of(record, dof)]
+    if strange:
+        said.append(f"column {', '.join(strange)}: not used; the model's degrees of freedom are "
+                    f"{', '.join(model.dofs)}")
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
