@@ -92,6 +92,8 @@ def test_the_convention_of_X_is_told(seed):
     eta, x = (waves @ amplitudes).real, (waves @ (moved * amplitudes)).real
     record = rss.Record(time, {"Heave": x + 0.02 * x.std() * rng.standard_normal(x.size), "wave_elevation": eta})
     assert not turned(model, record)
+    assert doubts(model, record) == ()
+    assert "kgf" in " ".join(doubts(model, record.with_channels(wave_elevation=eta / 9.81)))
     other = body.replace(hydro=HydroData(table.omega, table.A, table.B, A_inf=table.A_inf, dofs=("Heave",), M=body.M,
                                          C=body.C, X=X.conj() * np.exp(-1.2j)))
     # That X is off by 2.8 rad: only a turned sign, not the conjugate (1.2 rad off), is left.

@@ -95,10 +95,11 @@ def _readings(model: Model, eye: FloatArray, known: list[int], waves: bool) -> I
             forced = f"{one}_force", f"{other}_force"
             yield Reading("order", forced, f"{forced[0]} and {forced[1]} exchanged", eye, swap)
             yield Reading("order", (one, other), f"{one} and {other} exchanged, with their forces", swap, swap)
-    for sets in () if waves else (known, *([i] for i in known if len(known) > 1)):
-        columns = tuple(f"{model.dofs[i]}_force" for i in sets)
+    for sets in (known,) if waves else (known, *([i] for i in known if len(known) > 1)):
+        columns = ("wave_elevation",) if waves else tuple(f"{model.dofs[i]}_force" for i in sets)
+        what = "the model's X" if waves else " and ".join(columns)
         for times, words in ((FORCE["kgf"], "taken from kgf to N"), (1.0 / FORCE["kgf"], "divided by 9.81")):
-            yield Reading("unit", columns, f"{' and '.join(columns)} {words}", eye,
+            yield Reading("unit", columns, f"{what} {words}", eye,
                           np.diag([times if i in sets else 1.0 for i in range(model.n)]))
 
 
