@@ -62,6 +62,8 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     force = data.get("excitation_force")
     if force is None and "diffraction_force" in data and "Froude_Krylov_force" in data:
         force = data["diffraction_force"] + data["Froude_Krylov_force"]
+    elif force is None and (part := {"diffraction_force", "Froude_Krylov_force"} & set(data.data_vars)):
+        notes.append(f"{path}: of the wave force only {part.pop()} is there; X is left out")
     if force is not None:
         if "wave_direction" not in force.dims:
             force = force.expand_dims("wave_direction")
@@ -125,6 +127,8 @@ def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, st
         with np.errstate(divide="ignore"):
             data = data.assign_coords(omega=2.0 * np.pi / data["period"] if "period" in data.variables
                                       else 2.0 * np.pi * data["freq"])
+    if "rad" not in (unit := str(data["omega"].attrs.get("units", "rad/s"))):
+        raise InputError(f"{path}: omega is in {unit!r}; rad/s needed (one in Hz is called freq)")
     if data["omega"].ndim == 0:
         data = data.drop_vars("omega").expand_dims(omega=[float(data["omega"])])
     if data["omega"].ndim != 1:
