@@ -57,6 +57,9 @@ def test_what_is_written_is_in_capytaines_form(tmp_path):
         np.testing.assert_array_equal(damping.values, data.B[:, 2, 0])
         assert (float(ds.rho), float(ds.g), float(ds.water_depth)) == (data.rho, data.g, data.depth)
         assert set(ds.data_vars) >= {"inertia_matrix", "hydrostatic_stiffness", "friction"}
+        # Without these Capytaine's export_dataset(format="wamit") writes no .1 and no .3
+        assert float(ds.forward_speed) == 0.0
+        np.testing.assert_allclose(ds.period.sel(omega=data.omega), 2.0 * np.pi / data.omega)
 
 
 def test_two_bodies_and_one_degree_of_freedom_come_back(tmp_path):

@@ -236,7 +236,7 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     square, names = ("influenced_dof", "radiating_dof"), list(data.dofs)
     out = xr.Dataset({"added_mass": (("omega", *square), A), "radiation_damping": (("omega", *square), B)},
                      coords={"omega": omega, "influenced_dof": names, "radiating_dof": names, "rho": data.rho,
-                             "g": data.g, "water_depth": data.depth})
+                             "g": data.g, "water_depth": data.depth, "forward_speed": 0.0})
     for field, name in SQUARE.items():
         value = getattr(data, field)
         if value is not None:
@@ -249,7 +249,9 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     if np.isfinite(data.reference_point).all():
         out = out.assign_coords(rotation_center=("space_coordinate", list(data.reference_point)),
                                 space_coordinate=["x", "y", "z"])
-    out["omega"].attrs["units"] = "rad/s"
+    with np.errstate(divide="ignore"):
+        out = out.assign_coords(period=("omega", 2.0 * np.pi / omega))  # Capytaine's own writers ask for it
+    out["omega"].attrs["units"], out["period"].attrs["units"] = "rad/s", "s"
     return out
 
 
