@@ -229,7 +229,7 @@ def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence
     return float(np.angle(total)) if total else None
 
 
-def off_scale(data: HydroData, apart: float = 3.0, long: float = 0.3, noise: float = 1e-3) -> Iterator[str]:
+def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: float = 1e-3) -> Iterator[str]:
     """Yield a sentence for each heave whose force or damping is `apart` times off what it must be in long waves.
 
     There the force is the stiffness times the elevation and, alike from all sides, B = k |X|^2 / (4 rho g v_g) (Newman
@@ -247,7 +247,7 @@ def off_scale(data: HydroData, apart: float = 3.0, long: float = 0.3, noise: flo
             continue
         near = (k**2 * C < long**2 * rho_g) & (data.omega**2 * (M + np.abs(data.A[:, i, i])) < long * C)
         force = np.sqrt(np.mean(np.abs(data.X[near, :, i]) ** 2, axis=1))
-        times = float(np.median(force)) / C if near.any() else 1.0
+        times = float(force[0]) / C if near.any() else 1.0  # a deep body feels less of shorter waves
         if not 1.0 / apart < times < apart:
             yield (f"in long waves the wave force on {dof} is {times:.3g} times the elevation's part of its stiffness, "
                    "and must be once; X or C is in another unit (rho, g, 1000)")
@@ -255,7 +255,7 @@ def off_scale(data: HydroData, apart: float = 3.0, long: float = 0.3, noise: flo
         made = k[near] * force**2 / (4.0 * rho_g * group_velocity(data.omega[near], k[near], data.depth))
         clear = made > noise * data.omega[near] * np.abs(data.A[near, i, i])
         times = float(np.median((data.B[near, i, i] / made)[clear])) if clear.any() else 1.0
-        if times < 1.0 / apart or (round_about and times > apart):
+        if 0.0 < times < 1.0 / apart or (round_about and times > apart):
             yield (f"in long waves the damping of {dof} is {times:.3g} times what its wave force says; B, or both, are "
                    "in another unit (rho, omega)")
 
