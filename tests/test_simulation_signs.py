@@ -110,8 +110,8 @@ def test_the_convention_of_X_is_told(seed):
 
 
 @pytest.mark.parametrize("dof, factor, said", [("Sway", 1.0, None), ("Sway", -1.0, "sign"), ("Roll", -1.0, "sign"),
-                                               ("Roll", 180.0 / np.pi, "degrees")])
-def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, factor, said):
+                                               ("Roll", 180.0 / np.pi, "degrees"), ("Sway", 1.0, "exchanged")])
+def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_degrees_and_an_exchange(dof, factor, said):
     inertia, stiffness = np.array([[10.0, 1.5], [1.5, 1.0]]), np.diag([0.0, 9.0])
     damping = np.diag([1.0, 0.2])
     rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(inertia, np.c_[stiffness, damping])]])
@@ -122,6 +122,8 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, fa
     noise = np.random.default_rng(2).standard_normal((2, time.size))
     motion = {"Sway": sway + 2e-4 * noise[0], "Roll": roll + 1e-3 * noise[1]}
     motion[dof] = factor * motion[dof]
+    if said == "exchanged":
+        motion = dict(zip(motion, reversed(motion.values())))
     fit = RadiationFit(("Sway", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
     model = Model(("Sway", "Roll"), inertia, np.zeros((2, 2)), stiffness, fit, D=damping)
     record = rss.Record(time, motion, kind="decay", name="roll")

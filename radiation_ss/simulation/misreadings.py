@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -14,7 +14,8 @@ from scipy.optimize import lsq_linear
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import band_of, columns_of, spectrum_of
+from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
 from radiation_ss.simulation.force_checks import APART, forces, impedance
 from radiation_ss.units import FORCE
 
@@ -46,28 +47,31 @@ class Reading(NamedTuple):
 def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) -> tuple[str, str] | None:
     """Return kind and sentence if another reading of the columns leaves far less of the forces than that as given.
 
-    What is left is F - Z x, of each force its own share, by the body that fits best under that reading: an effect that
-    the model lacks is in all of them.
+    What is left is F - Z x, of each force (in a decay: of the body's inertia force) its own share, by the body that
+    fits best under that reading: an effect that the model lacks is in all of them.
     """
-    inputs = forces(model, record) if record.kind not in ("decay", "motion-only", "static") else None
-    if inputs is None or not {*model.dofs} <= {*record.dofs}:
+    free, inputs = record.kind == "decay" and model.n > 1, None
+    if free:
+        record = replace(since_release(record)[0], kind="motion-only")  # windowed
+    elif record.kind not in ("decay", "motion-only", "static"):
+        inputs = forces(model, record)
+    if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
         return None
-    w, F, eye = inputs[0][1:], inputs[1][:, 1:], np.eye(model.n)
-    x = np.zeros_like(F)  # of what stands still
-    for i, dof in enumerate(model.dofs):
-        for order, name in columns_of(record, dof)[:1]:
-            x[i] = spectrum_of(record, record.channels[name])[1][1:] / (1j * w) ** order
-    energy = np.linalg.norm(F, axis=1) ** 2 / np.diag(model.M + model.A_inf)
-    acts = energy > rules.weak * energy.max()
-    power = [np.abs(f[band_of(w, f)]) ** 2 for f in F[acts]]
-    if min(p.sum() ** 2 / np.sum(p**2) for p in power) < rules.lines:
+    w, x = _motions(model, record)
+    F: ComplexArray = inputs[1][:, 1:] if inputs else np.zeros_like(x)
+    of = _measure(model, w, x, F)
+    energy = np.linalg.norm(of, axis=1) ** 2 / np.diag(model.M + model.A_inf)
+    acts = energy > rules.weak * max(energy)
+    power = [np.abs(f[band_of(w, f)]) ** 2 for f in of[acts]]
+    if not power or (not free and min(p.sum() ** 2 / np.sum(p**2) for p in power) < rules.lines):
         return None
     as_given = _left(model, w, x, F, acts, rules)
     if as_given < rules.least:
         return None
     known = [i for i in range(model.n) if F[i].any()]
-    found = [(_left(model, w, reading.motion @ x, reading.force @ F, reading.force @ acts != 0.0, rules), reading)
-             for reading in _readings(model, eye, known, inputs[2] is not None)]
+    found = [(_left(model, w, reading.motion @ x, reading.force @ F,
+                    (reading.motion if free else reading.force) @ acts != 0.0, rules), reading)
+             for reading in _readings(model, known, inputs is not None and inputs[2] is not None)]
     best = min(left for left, _ in found)
     if best > rules.fits or as_given < rules.times * best:
         return None
@@ -75,11 +79,22 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     columns = dict.fromkeys(column for reading in alike for column in reading.columns)
     return alike[0].kind, (
         f"column {' or '.join(columns)}, all {record.time.size} rows: with {' or '.join(r.words for r in alike)} the "
-        f"model leaves {as_given / best:.3g} times less of the force; check the {alike[0].kind} of the columns")
+        f"model leaves {as_given / best:.3g} times less unexplained; check the {alike[0].kind} of the columns")
 
 
-def _readings(model: Model, eye: FloatArray, known: list[int], waves: bool) -> Iterator[Reading]:
+def _motions(model: Model, record: Record) -> tuple[FloatArray, ComplexArray]:
+    """Return frequencies and the spectra of the displacements, (n, nw); zero of what stands still."""
+    w = spectrum_of(record, record.time)[0][1:]
+    x = np.zeros((model.n, w.size), dtype=complex)
+    for i, dof in enumerate(model.dofs):
+        for order, name in columns_of(record, dof)[:1]:
+            x[i] = spectrum_of(record, record.channels[name])[1][1:] / (1j * w) ** order
+    return w, x
+
+
+def _readings(model: Model, known: list[int], waves: bool) -> Iterator[Reading]:
     """Yield what a record may mean; of one in `waves` the force is the model's own."""
+    eye = np.eye(model.n)
     turns = [eye - 2.0 * np.outer(row, row) for row in eye]
     for i, dof in enumerate(model.dofs):
         yield Reading("sign", (dof,), f"the sign of {dof} turned", turns[i], eye)
@@ -95,7 +110,7 @@ def _readings(model: Model, eye: FloatArray, known: list[int], waves: bool) -> I
             forced = f"{one}_force", f"{other}_force"
             yield Reading("order", forced, f"{forced[0]} and {forced[1]} exchanged", eye, swap)
             yield Reading("order", (one, other), f"{one} and {other} exchanged, with their forces", swap, swap)
-    for sets in (known,) if waves else (known, *([i] for i in known if len(known) > 1)):
+    for sets in (known,) * bool(known) if waves or len(known) < 2 else (known, *([i] for i in known)):
         columns = ("wave_elevation",) if waves else tuple(f"{model.dofs[i]}_force" for i in sets)
         what = "the model's X" if waves else " and ".join(columns)
         for times, words in ((FORCE["kgf"], "taken from kgf to N"), (1.0 / FORCE["kgf"], "divided by 9.81")):
@@ -103,14 +118,23 @@ def _readings(model: Model, eye: FloatArray, known: list[int], waves: bool) -> I
                           np.diag([times if i in sets else 1.0 for i in range(model.n)]))
 
 
+def _measure(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray) -> ComplexArray:
+    """Return what the rest is a share of, (n, nw): the forces, or of a free body the inertia forces at its pace."""
+    if F.any():
+        return F
+    pace = np.array([middle(w, row) for row in x])
+    return np.asarray((np.diag(model.M + model.A_inf) * pace**2)[:, None] * x)
+
+
 def _left(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray, acts: NDArray[np.bool_],
           rules: ReadingRules) -> float:
     """Return the rms share of the forces that the model leaves, stiffness, inertia and damping as fits them best."""
     C, inertia, Z, shares = model.C, model.M + model.A_inf, impedance(model, w), []
+    of = _measure(model, w, x, F)
     for i in np.flatnonzero(acts):
-        band = band_of(w, F[i])
+        band = band_of(w, of[i])
         y, v = x[:, band], w[band]
-        size = float(np.linalg.norm(F[i, band]))
+        size = float(np.linalg.norm(of[i, band]))
         stiffness = C[i, i] if C[i, i] > 0.0 else inertia[i, i] * np.mean(v) ** 2
         free = np.where(np.arange(model.n) == i, rules.own, rules.coupled)[:, None]
         terms = np.concatenate([free * C[i, :, None] * y, free * inertia[i, :, None] * v**2 * y,

@@ -93,6 +93,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         apart = _apart(model, record) if slow_by_nature(record) else ""
         against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
         kind, text = misread(model, record) or ("", "")
+        against = [] if kind in ("order", "sign") else against
         large = [] if kind in ("order", "sign") else list(sizes(model, record))
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
                 *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
