@@ -70,3 +70,7 @@ def test_what_moves_along_is_coupled_step_by_step():
     data = HydroData(omega, A, B, dofs=dofs, C=np.diag([0.0, 0.0, 50.0, 6.0, 0.0]))
     assert data.coupled(["Yaw"]) == ("Sway", "Roll", "Yaw")
     assert data.coupled(["Heave"]) == ("Heave",) and data.coupled([]) == ()
+    B[:, [0, 0, 2, 2], [0, 2, 0, 2]] = 1e-9     # rounding of panels, where nothing radiates or restores
+    C = data.C.copy()
+    C[[0, 2], [2, 0]] = 1e-9
+    assert data.replace(B=B, C=C).coupled(["Heave"]) == ("Heave",)

@@ -184,16 +184,19 @@ class HydroData(Shown):
         rows, columns = np.ix_(pick, pick)
         return self.mapped(lambda matrix: matrix[..., rows, columns], lambda X: X[..., pick], dofs=names)
 
-    def coupled(self, dofs: Sequence[str], least: float = 0.03) -> tuple[str, ...]:
+    def coupled(self, dofs: Sequence[str], least: float = 0.03, noise: float = 1e-3) -> tuple[str, ...]:
         """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.
 
-        Of the geometric mean of both diagonals; less changes an impedance by a thousandth.
+        Of the geometric mean of both diagonals; less changes an impedance by a thousandth. A diagonal counts as a share
+        `noise` of the inertia's part of the impedance at least: that of a mode that does not radiate is rounding.
 
         >>> data.coupled(data.dofs[:1])
         ('Heave',)
         """
-        inertia = self.A if self.M is None else self.A + self.M
-        matrices = [np.abs(m) for m in (inertia.mean(axis=0), self.B.mean(axis=0), self.C, self.D) if m is not None]
+        inertia = np.abs((self.A if self.M is None else self.A + self.M).mean(axis=0))
+        omega, least_of = float(np.mean(self.omega)), np.diag(noise * inertia.diagonal())
+        others = ((self.B.mean(axis=0), omega), (self.D, omega), (self.C, omega**2))
+        matrices = [inertia, *(np.maximum(np.abs(m), scale * least_of) for m, scale in others if m is not None)]
         return tuple(self.dofs[i] for i in reached(matrices, [self.index(dof) for dof in dofs], least))
 
     def times(self, length: float) -> HydroData:
