@@ -136,8 +136,12 @@ class HydroData(Shown):
                   if (value := getattr(self, name)) is not None}
         if self.X is not None:
             fixed["X"] = X = read_only(self.X, "X", (nw, None, n), dtype=complex)
+            if self.directions is None and X.shape[1] > 1:
+                raise InputError(f"directions: missing; where the {X.shape[1]} waves of X run to is needed [rad]")
             directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
-            fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
+            fixed["directions"] = angles = read_only(directions, "directions", (X.shape[1],))
+            if (far := np.abs(angles).max(initial=0.0)) > 2.0 * np.pi + 1e-6:
+                raise InputError(f"directions: {far:g} is too much for radians; np.deg2rad turns degrees")
         for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
             value = getattr(self, name)
             fixed[name] = np.inf if name == "depth" and value == np.inf else positive(value, name, unit)
