@@ -178,3 +178,8 @@ def test_a_force_at_another_rate_and_a_column_of_no_motion_of_the_model(coupled)
     assert doubts(model, record.with_channels(Heave_force=slow)) == ()
     (said,) = doubts(model, record.with_channels(heave=slow))
     assert "column heave: not used; the model's degrees of freedom are Heave, Pitch" in said
+    force = rss.Record(record.time, {"Heave_force": slow})
+    with pytest.raises(InputError, match=r"no motion of Heave, Pitch in its columns, Heave_force$"):
+        rss.diagnose(model, force)
+    with pytest.raises(InputError, match="Pitch_force has 0 samples where four are needed; its columns are"):
+        rss.simulate(model, force)
