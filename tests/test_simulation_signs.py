@@ -171,6 +171,13 @@ def test_columns_that_fit_the_model_when_read_in_another_way_are_told(coupled, c
     assert re.search(said, text) if said else not text
 
 
+def test_waves_that_are_called_a_decay_are_doubted(coupled):
+    model, record = coupled
+    motions = {dof: record.channels[dof] for dof in model.dofs}
+    (said,) = doubts(model, rss.Record(record.time, motions, kind="decay"))
+    assert "kind decay: no force acts, but the motion does not die out" in said
+
+
 def test_a_force_at_another_rate_and_a_column_of_no_motion_of_the_model(coupled):
     """Cells between the samples of a slower sensor are empty, not zero."""
     model, record = coupled

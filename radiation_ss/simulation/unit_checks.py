@@ -59,29 +59,34 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
 
 
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
-    """Refuse records that state a force of zero and do not die out: whose last third moves half as much as the
-    liveliest, though the model's slowest motion falls by `fall` over a third.
-    """
+    """Refuse records that state a force of zero and do not die out."""
     for record in records:
-        force = record.get("force", model.dofs)
-        if force is None or np.nansum(np.abs(force)) > 0.0:
-            continue
-        poles = np.linalg.eigvals(model.matrices()[0])
-        slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
-        length = float(record.time[-1] - record.time[0])
-        if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
-            continue
-        thirds = np.array_split(np.arange(record.time.size), 3)
-        power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
-                              for c in _motion(model, record)) for part in thirds])
-        if power[-1] > 0.25 * power.max() > 0.0:
-            columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
-            stated = (f"column {', '.join(columns)}: zero on all {record.time.size} rows" if columns
-                      else f"kind {record.kind}: no force acts")
-            raise InputError(f"record {record.name}, {stated}, but the motion does not die out: its last third has "
-                             f"{np.sqrt(power[-1] / power.max()):.0%} of the liveliest third's rms; in waves of "
-                             "unknown force leave the force columns out (kind motion-only); cut a decay test to one "
-                             "release")
+        for text in _lasting(model, record, fall):
+            raise InputError(f"record {record.name}, {text}")
+
+
+def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
+    """Yield a sentence if no force acts, but the last third moves half as much as the liveliest, though the model's
+    slowest motion falls by `fall` over a third.
+    """
+    force = record.get("force", model.dofs)
+    if force is None or np.nansum(np.abs(force)) > 0.0:
+        return
+    poles = np.linalg.eigvals(model.matrices()[0])
+    slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
+    length = float(record.time[-1] - record.time[0])
+    if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
+        return
+    thirds = np.array_split(np.arange(record.time.size), 3)
+    power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
+                          for c in _motion(model, record)) for part in thirds])
+    if power[-1] > 0.25 * power.max() > 0.0:
+        columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
+        stated = (f"column {', '.join(columns)}: zero on all {record.time.size} rows" if columns
+                  else f"kind {record.kind}: no force acts")
+        yield (f"{stated}, but the motion does not die out: its last third has "
+               f"{np.sqrt(power[-1] / power.max()):.0%} of the liveliest third's rms; in waves of unknown force leave "
+               "the force columns out (kind motion-only); cut a decay test to one release")
 
 
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
@@ -97,7 +102,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         large = [] if kind in ("order", "sign") else list(sizes(model, record))
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
                 *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
-                *filter(None, [apart]), *against]
+                *filter(None, [apart]), *against, *(_lasting(model, record) if record.kind == "decay" else [])]
     strange = [name for dof in record.dofs if dof not in model.dofs for _, name in signals.columns_of(record, dof)]
     if strange:
         said.append(f"column {', '.join(strange)}: not used; the model's degrees of freedom are "
