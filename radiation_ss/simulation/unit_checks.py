@@ -162,26 +162,26 @@ def _apart(model: Model, record: Record) -> str:
 
 def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     """Return a sentence if a decay swings by `factor` slower or quicker than the model. Damping slows, too, but by 3 %
-    at most where the swing back is half the first one.
+    at most where the swing back is half the first one, and by 16 % where it is .15.
     """
     if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
     free, states = since_release(record)[0], model.fit.states + 2 * model.n
     columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
-    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i]))
-           for i in range(model.n)]
+    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i],
+                                               spiky=False)) for i in range(model.n)]
     found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
         return []
 
-    def swings_back(values: FloatArray, least: float = 0.5) -> bool:
+    def swings_back(values: FloatArray, least: float) -> bool:
         values = values[np.isfinite(values)]
         away = values - values[-(values.size // 3 + 1):].mean()
         one, other = sorted((float(away.max()), float(-away.min())))
         return one > least * other
 
-    times = min(found) / max(own)
-    if max(found) < min(own) / factor and all(swings_back(free.channels[column]) for column in columns):
+    times, least = min(found) / max(own), 0.15 if max(found) < 0.4 * min(own) else 0.5
+    if max(found) < min(own) / factor and all(swings_back(free.channels[column], least) for column in columns):
         times = max(found) / min(own)
     elif times <= factor:
         return []
