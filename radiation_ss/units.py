@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86400.0}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "gf": 9.80665e-3, "kgf": 9.80665, "tf": 9806.65,
@@ -15,9 +15,9 @@ UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
 UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
           for si in ("m", "rad") for rate in ("/s", "/s^2")}
 UNITS["m/s^2"]["g"] = 9.80665
-_SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "°": "deg", "º": "deg",
-           "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
-           "meter": "m", "meters": "m", "metre": "m", "metres": "m"}
+_SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "day": "d", "days": "d",
+           "°": "deg", "º": "deg", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad",
+           "radians": "rad", "meter": "m", "meters": "m", "metre": "m", "metres": "m"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _PER_TIME = re.compile(r"\s*(?:/\s*s\s*/\s*s|/\s*s\s*\^?\s*2|[*·.]?\s*\bs\s*\^?-2)$")
 _PER_SECOND = re.compile(r"\s*(?:/\s*s|[*·.]?\s*\bs\s*\^?-1)$")

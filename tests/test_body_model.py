@@ -71,6 +71,12 @@ def test_what_is_no_model_is_said(system, words):
         rss.as_model(system, None if hasattr(system, "A") else tank_model().fit)
 
 
+@pytest.mark.parametrize("made", [lambda: rss.cummins(tank_model(), 2), lambda: rss.Model.from_hydro(None, 2)])
+def test_an_order_is_no_fit(made):
+    with pytest.raises(rss.InputError, match=r"fit: a RadiationFit .*int found"):
+        made()
+
+
 def test_without_stiffness_a_steady_force_meets_only_the_slow_radiation():
     free = tank_model().replace(C=np.zeros((1, 1)))
     system = rss.cummins(free)

@@ -44,7 +44,8 @@ def test_arrays_cannot_be_changed_behind_the_checks():
     ({"omega": [0.5, 0.5, 1.0]}, "ascend"), ({"omega": [0.0, 0.5, 1.0]}, "positive"),
     ({"A": np.ones((3, 2, 1))}, "A: shape"), ({"dofs": ()}, "dofs"), ({"dofs": ("Sway", "Sway")}, "twice"),
     ({"rho": -1.0}, "rho"), ({"depth": 0.0}, "depth"), ({"B": np.full((3, 2, 2), np.nan)}, "not finite"),
-    ({"A": "text"}, "not an array of numbers")])
+    ({"A": "text"}, "not an array of numbers"), ({"X": np.ones((3, 2, 2))}, "directions: missing"),
+    ({"X": np.ones((3, 2, 2)), "directions": [0.0, 90.0]}, "directions: 90 is too much for radians")])
 def test_bad_fields_are_named(changes, says):
     with pytest.raises(InputError, match=says):
         two_modes(**changes)
@@ -70,3 +71,7 @@ def test_what_moves_along_is_coupled_step_by_step():
     data = HydroData(omega, A, B, dofs=dofs, C=np.diag([0.0, 0.0, 50.0, 6.0, 0.0]))
     assert data.coupled(["Yaw"]) == ("Sway", "Roll", "Yaw")
     assert data.coupled(["Heave"]) == ("Heave",) and data.coupled([]) == ()
+    B[:, [0, 0, 2, 2], [0, 2, 0, 2]] = 1e-9     # rounding of panels, where nothing radiates or restores
+    C = data.C.copy()
+    C[[0, 2], [2, 0]] = 1e-9
+    assert data.replace(B=B, C=C).coupled(["Heave"]) == ("Heave",)

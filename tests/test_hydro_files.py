@@ -57,6 +57,9 @@ def test_what_is_written_is_in_capytaines_form(tmp_path):
         np.testing.assert_array_equal(damping.values, data.B[:, 2, 0])
         assert (float(ds.rho), float(ds.g), float(ds.water_depth)) == (data.rho, data.g, data.depth)
         assert set(ds.data_vars) >= {"inertia_matrix", "hydrostatic_stiffness", "friction"}
+        # Without these Capytaine's export_dataset(format="wamit") writes no .1 and no .3
+        assert float(ds.forward_speed) == 0.0
+        np.testing.assert_allclose(ds.period.sel(omega=data.omega), 2.0 * np.pi / data.omega)
 
 
 def test_two_bodies_and_one_degree_of_freedom_come_back(tmp_path):
@@ -224,6 +227,7 @@ def nan_in(name):
     (lambda ds: ds.isel(omega=[0, 1, 1, 2]), "is there twice"),
     (lambda ds: ds.assign_coords(omega=-ds.omega), "zero, positive or infinite"),
     (lambda ds: ds.assign_coords(rho=-3.0), "rho: must be positive"),
+    (lambda ds: ds.assign_coords(omega=ds.omega.assign_attrs(units="Hz")), "omega is in 'Hz'; rad/s needed"),
     (lambda ds: ds.assign_coords(forward_speed=2.0), "forward_speed = 2 m/s; only zero speed is supported$"),
     (lambda ds: xr.concat([ds.assign_coords(forward_speed=v) for v in (0.0, 5.0)], "forward_speed"),
      r"forward_speed = 0, 5 m/s; .*; take ds.sel\(forward_speed=0\)$"),
@@ -240,6 +244,16 @@ def test_a_bad_dataset_is_one_clear_error(tmp_path, form, message):
     with pytest.raises(rss.InputError, match=message) as caught:
         rss.read_hydro(tmp_path / "bad.nc")
     assert "bad.nc" in str(caught.value)
+
+
+def test_what_is_not_what_it_looks_like_is_noted(tmp_path):
+    data = made_up()
+    ds = separated(capytaine_like(data)).rename(excitation_force="diffraction_force")
+    ds.assign_coords(influenced_dof=["Surge", "heave", "Pitch"], radiating_dof=["Surge", "heave", "Pitch"]).to_netcdf(
+        tmp_path / "x.nc")
+    found = rss.read_hydro(tmp_path / "x.nc")
+    assert found.X is None and any("only diffraction_force is there" in note for note in found.notes)
+    assert any("heave: none of Surge, Sway, Heave" in note for note in found.notes)
 
 
 def test_a_contradicting_option_is_refused(tmp_path):

@@ -448,3 +448,22 @@ def test_forces_of_half_a_circle_with_the_other_sign_are_named():
     X[:, 9:, 1] = X[:, 9:, 1].conj()
     (found,) = (f for f in data.replace(X=X).check().problems if f.kind == "Haskind")
     assert "Sway" in found.dofs
+
+
+@pytest.mark.parametrize("part, times, said", [
+    ("X", 1.0, None), ("X", 1e-3, "wave force on Heave is"), ("X", 9.81, "wave force on Heave is"),
+    ("B", 1e-3, "damping of Heave is"), ("B", 1025.0, "damping of Heave is")])
+@pytest.mark.parametrize("headings", [1, 8])
+def test_a_force_or_damping_in_another_unit_is_told_by_long_waves(part, times, said, headings):
+    """Deep water: k = w^2 / g, v_g = g / 2 w, so B = w^3 |X|^2 / (2 rho g^3); X = C at w = 0."""
+    omega, rho, g = np.linspace(0.1, 2.0, 20), 1025.0, 9.81
+    C = rho * g * np.pi * 25.0
+    X = C * np.exp(-3.0 * omega[:, None, None] ** 2 / g)
+    fields = {"X": X * np.ones((1, headings, 1)), "B": omega[:, None, None] ** 3 * X**2 / (2.0 * rho * g**3)}
+    fields[part] = times * fields[part]
+    data = HydroData(omega, np.full((20, 1, 1), 1e5), dofs=("Heave",), C=[[C]], rho=rho, **fields,
+                     directions=2.0 * np.pi * np.arange(headings) / headings)
+    found = [f.message for f in data.check().problems if f.kind == "scale"]
+    walls = part == "B" and times > 1.0 and headings == 1  # a body between walls radiates more
+    assert (said is None or walls) == (not found)
+    assert not found or said in found[0]

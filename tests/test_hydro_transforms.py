@@ -117,7 +117,7 @@ def six_dof(seed):
 
     return rss.HydroData(omega=[0.5, 1.0], A=[spd(), spd()], B=[spd(), spd()], A_inf=spd(), M=spd(), C=spd(), D=spd(),
                          X=rng.standard_normal((2, 3, 6)) + 1j * rng.standard_normal((2, 3, 6)), dofs=SIX,
-                         reference_point=(0.3, -0.2, 0.1))
+                         directions=[0.0, 1.0, 2.0], reference_point=(0.3, -0.2, 0.1))
 
 
 point = st.tuples(*[st.floats(-20.0, 20.0)] * 3)

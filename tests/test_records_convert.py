@@ -57,6 +57,26 @@ def test_an_index_of_dates_or_differences():
     assert rss.as_record(steps).time == pytest.approx([0.0, 0.5, 1.0])
 
 
+def test_an_index_says_its_unit_or_that_it_is_no_time():
+    values, tens = {"Roll": [0.1, 0.0, -0.1]}, [0, 10, 20]
+    frame = pd.DataFrame(values, index=pd.Index(tens, name="time [ms]"))
+    assert rss.as_record(frame).time == pytest.approx([0.0, 0.01, 0.02])
+    stated = frame.rename_axis("time").to_xarray()
+    stated["time"].attrs["units"] = "ms"
+    assert rss.as_record(stated).time == pytest.approx([0.0, 0.01, 0.02])
+    for bad, words in ((frame.rename_axis("sample"), "its index is 'sample'"),
+                       (stated.drop_vars("time"), "only counts the rows")):
+        with pytest.raises(rss.InputError, match=words):
+            rss.as_record(bad)
+    assert rss.as_record(frame.rename_axis("sample"), kind="static").time.tolist() == tens
+
+
+def test_labels_of_two_levels_are_name_and_unit():
+    frame = pd.DataFrame([[0.0, 90.0], [0.1, 45.0]])
+    frame.columns = pd.MultiIndex.from_tuples([("time", "s"), ("Roll", "deg")])
+    assert rss.as_record(frame).channels["Roll"][0] == pytest.approx(np.pi / 2.0)
+
+
 def test_integers_with_gaps():
     frame = pd.DataFrame({"time": [0, 1, 2], "Heave": pd.array([1, None, 3], dtype="Int64")})
     np.testing.assert_array_equal(rss.as_record(frame).channels["Heave"], [1.0, np.nan, 3.0])

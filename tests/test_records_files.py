@@ -98,7 +98,7 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
 
 @pytest.mark.parametrize("text, words", [
     ("time [s],Heave [furlong]\n0,1\n", ["line 1", "column 2", "unit [furlong]", "Heave may be in m, cm, mm, ft, in"]),
-    ("time [S],Heave [m]\n0,1\n", ["column 1", "[S]", "time may be in s, ms, us, min, h"]),
+    ("time [S],Heave [m]\n0,1\n", ["column 1", "[S]", "time may be in s, ms, us, min, h, d"]),
     ("time [s],Roll (mm)\n0,1\n", ["[mm]", "Roll may be in rad, mrad, deg"]),
     ("time [s],Heave_force [kg]\n0,1\n", ["[kg]", "N, mN, kN"]),     # a mass
     ("time [s],Heave_force [KN]\n0,1\n", ["[KN]", "N, mN, kN"]),
@@ -129,6 +129,8 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
     (GOOD + "0.05,1\n", ["line 4", "column 'time'", "comes after 0.1 s"]),
     ("# name: x\n" + GOOD + "0.1,1\n", ["line 5", "0.1 s is there twice"]),
     ("# kind: storm\n" + GOOD, ["kind 'storm' is unknown", "decay"]),
+    ("# kind = decay\n" + GOOD, ["line 1", "write `# kind: ...`"]),
+    (GOOD + "# kind: decay\n0.2,3\n", ["line 4", "'# kind: decay' stands below the header"]),
     ("# only a comment\n", ["no header"]), ("time [s],Heave [m]\n0,1\n", ["at least two"]),
 ])
 def test_bad_file_is_one_sentence_with_its_place(tmp_path, text, words):
@@ -142,6 +144,7 @@ def test_bad_file_is_one_sentence_with_its_place(tmp_path, text, words):
 
 def test_kind_in_any_case(tmp_path):
     assert rss.read_record(written(tmp_path, "# Kind: Decay\n" + GOOD)).kind == "decay"
+    assert rss.read_record(written(tmp_path, "# kind: decay;\n" + GOOD.replace(",", ";"))).kind == "decay"
 
 
 def test_files_that_are_none_or_no_text(tmp_path):
@@ -237,8 +240,9 @@ def test_offsets_without_a_kind_are_asked_for_it():
     assert "# kind: static" in suspicions(record)[0]
 
 
-def test_time_in_milliseconds_is_suspected():
+def test_time_in_milliseconds_or_days_is_suspected():
     assert "milliseconds" in suspicions(rss.Record(TIME * 1000.0, {"Heave": WAVE}))[0]
+    assert "time [d]" in suspicions(rss.Record(45000.0 + TIME / 86400.0, {"Heave": WAVE}))[0]
 
 
 @pytest.mark.parametrize("seed", range(5))

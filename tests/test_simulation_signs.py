@@ -1,5 +1,7 @@
 """A force, an elevation or a motion with its sign turned is told; a light resonance that is a little off is not."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -90,6 +92,8 @@ def test_the_convention_of_X_is_told(seed):
     eta, x = (waves @ amplitudes).real, (waves @ (moved * amplitudes)).real
     record = rss.Record(time, {"Heave": x + 0.02 * x.std() * rng.standard_normal(x.size), "wave_elevation": eta})
     assert not turned(model, record)
+    assert doubts(model, record) == ()
+    assert "kgf" in " ".join(doubts(model, record.with_channels(wave_elevation=eta / 9.81)))
     other = body.replace(hydro=HydroData(table.omega, table.A, table.B, A_inf=table.A_inf, dofs=("Heave",), M=body.M,
                                          C=body.C, X=X.conj() * np.exp(-1.2j)))
     # That X is off by 2.8 rad: only a turned sign, not the conjugate (1.2 rad off), is left.
@@ -106,8 +110,8 @@ def test_the_convention_of_X_is_told(seed):
 
 
 @pytest.mark.parametrize("dof, factor, said", [("Sway", 1.0, None), ("Sway", -1.0, "sign"), ("Roll", -1.0, "sign"),
-                                               ("Roll", 180.0 / np.pi, "degrees")])
-def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, factor, said):
+                                               ("Roll", 180.0 / np.pi, "degrees"), ("Sway", 1.0, "exchanged")])
+def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_degrees_and_an_exchange(dof, factor, said):
     inertia, stiffness = np.array([[10.0, 1.5], [1.5, 1.0]]), np.diag([0.0, 9.0])
     damping = np.diag([1.0, 0.2])
     rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(inertia, np.c_[stiffness, damping])]])
@@ -118,6 +122,8 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, fa
     noise = np.random.default_rng(2).standard_normal((2, time.size))
     motion = {"Sway": sway + 2e-4 * noise[0], "Roll": roll + 1e-3 * noise[1]}
     motion[dof] = factor * motion[dof]
+    if said == "exchanged":
+        motion = dict(zip(motion, reversed(motion.values())))
     fit = RadiationFit(("Sway", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
     model = Model(("Sway", "Roll"), inertia, np.zeros((2, 2)), stiffness, fit, D=damping)
     record = rss.Record(time, motion, kind="decay", name="roll")
@@ -129,18 +135,58 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_and_degrees(dof, fa
             check_units(model, [record])
 
 
-@pytest.mark.parametrize("turn, said", [((1.0, 1.0), False), ((1.0, -1.0), True), ((-1.0, 1.0), True)])
-def test_an_axis_that_is_turned_with_its_force_is_doubted(turn, said):
-    """Motion and force of one degree of freedom turned: only the coupling shows it. The truth by its impedance."""
+@pytest.fixture(scope="module")
+def coupled():
+    """Return a model of heave and pitch and a record in its truth: by the impedance, with a pitch 15 % stiffer."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 120.0, 0.05)
     M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.array([[3e4, -1500.0], [-1500.0, 1.5e4]]), [900.0, 400.0]
     omega = np.linspace(1.5, 9.0, 80)
     F = np.array([[400.0], [150.0]]) * rng.standard_normal((2, 80)) * np.exp(2j * np.pi * rng.random((2, 80)))
-    Z = C - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
-    wave = np.exp(1j * np.outer(omega, time))
+    Z = C * [[1.0, 1.0], [1.0, 1.15]] - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
     motion = np.linalg.solve(Z, F.T[:, :, None])[..., 0].T
-    x, f = ((part @ wave).real * np.array(turn)[:, None] for part in (motion, F))
+    x, f = ((part @ np.exp(1j * np.outer(omega, time))).real for part in (motion, F))
     rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
-    model = rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D))
-    record = rss.Record(time, {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}, kind="forced")
-    assert any("with both signs turned" in text for text in doubts(model, record)) == said
+    channels = {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}
+    return (rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D)),
+            rss.Record(time, channels, kind="forced"))
+
+
+@pytest.mark.parametrize("changed, said", [
+    ({}, None), ({"Heave": 1.1, "Heave_force": 0.9}, None), ({"Pitch": -1.0, "Pitch_force": -1.0}, "both signs turned"),
+    ({"Heave": -1.0, "Heave_force": -1.0}, "both signs turned"), ({"Pitch_force": -1.0}, "Pitch_force.* turned"),
+    ({"Heave": "Pitch"}, "Heave and Pitch exchanged"), ({"Heave_force": "Pitch_force"}, "Pitch_force exchanged"),
+    ({"Heave_force": 1.0 / 9.81, "Pitch_force": 1.0 / 9.81}, "kgf"),
+    ({"Heave_force": 1.0 / 9.81}, "Heave_force .*kgf")])
+def test_columns_that_fit_the_model_when_read_in_another_way_are_told(coupled, changed, said):
+    """Two columns exchanged, a sign turned, an axis turned with its force (only the coupling shows it), kgf for N."""
+    model, record = coupled
+    c, channels = record.channels, {}
+    for name, how in changed.items():
+        channels |= {name: c[how], how: c[name]} if isinstance(how, str) else {name: how * c[name]}
+    try:
+        check_units(model, [wrong := record.with_channels(**channels)])
+        text = " ".join(doubts(model, wrong))
+    except InputError as error:
+        text = str(error)
+    assert re.search(said, text) if said else not text
+
+
+def test_waves_that_are_called_a_decay_are_doubted(coupled):
+    model, record = coupled
+    motions = {dof: record.channels[dof] for dof in model.dofs}
+    (said,) = doubts(model, rss.Record(record.time, motions, kind="decay"))
+    assert "kind decay: no force acts, but the motion does not die out" in said
+
+
+def test_a_force_at_another_rate_and_a_column_of_no_motion_of_the_model(coupled):
+    """Cells between the samples of a slower sensor are empty, not zero."""
+    model, record = coupled
+    slow = np.where(np.arange(record.time.size) % 5 == 0, record.channels["Heave_force"], np.nan)
+    assert doubts(model, record.with_channels(Heave_force=slow)) == ()
+    (said,) = doubts(model, record.with_channels(heave=slow))
+    assert "column heave: not used; the model's degrees of freedom are Heave, Pitch" in said
+    force = rss.Record(record.time, {"Heave_force": slow})
+    with pytest.raises(InputError, match=r"no motion of Heave, Pitch in its columns, Heave_force$"):
+        rss.diagnose(model, force)
+    with pytest.raises(InputError, match="Pitch_force has 0 samples where four are needed; its columns are"):
+        rss.simulate(model, force)

@@ -151,7 +151,8 @@ def test_a_motion_that_the_recorded_force_does_not_drive_is_no_matter_of_units()
 
 
 @pytest.mark.parametrize("times, damping, told", [
-    (1.0, 0.0, False), (1.3, 0.0, False), (0.2, 0.0, True), (5.0, 0.0, True), (1.0, 3.0, False), (1.0, 10.0, False)])
+    (1.0, 0.0, False), (1.3, 0.0, False), (0.2, 0.0, True), (5.0, 0.0, True), (5.0, 0.2, True), (1.0, 3.0, False),
+    (1.0, 10.0, False)])
 def test_a_decay_in_another_time_scale_is_told_and_one_slowed_by_damping_is_not(times, damping, told):
     model = tank_model()
     critical = 2.0 * float(np.sqrt(model.C * (model.M + model.A_inf))[0, 0])

@@ -184,6 +184,8 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     ('Heave',)
     """
     fit = read_fit(fit) if isinstance(fit, str | Path) else fit
+    if fit is not None and not isinstance(fit, RadiationFit):
+        raise InputError(f"fit: a RadiationFit or its file is needed, {type(fit).__name__} found")
     body = read_hydro(body) if hasattr(body, "data_vars") else body
     if isinstance(body, str | Path):
         body = read_model(body, accuracy=PREDICTION) if fit is None else read_model(body).replace(fit=fit)

@@ -171,6 +171,8 @@ def text(model: Model, most: int = 6) -> str:
 def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | None, order: int | None,
                accuracy: float | None, options: dict[str, object]) -> Model:
     """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`."""
+    if fit is not None and not isinstance(fit, RadiationFit):
+        raise InputError(f"fit: a RadiationFit is needed, {type(fit).__name__} found (order=2 makes one of order 2)")
     if dofs is None and fit is not None:
         dofs = fit.dofs
     if dofs is not None:

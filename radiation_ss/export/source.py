@@ -85,6 +85,9 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
         description = Path(folder) / "modelDescription.xml"
         files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
         _tidy(description, model.name)
+        for source in Path(folder).glob("*.c"):  # FMPy's method of Euler asks for event indicators even where none is
+            text = source.read_text()
+            source.write_text(text.replace("  // No zero crossings\n  return fmi3Fatal;", "  return fmi3OK;"))
         if headers is not None:
             library = _compile([file for file in files if file.suffix == ".c"], Path(headers).resolve())
             files[library] = f"binaries/{library.parent.name}/{library.name}"

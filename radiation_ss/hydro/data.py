@@ -136,8 +136,12 @@ class HydroData(Shown):
                   if (value := getattr(self, name)) is not None}
         if self.X is not None:
             fixed["X"] = X = read_only(self.X, "X", (nw, None, n), dtype=complex)
+            if self.directions is None and X.shape[1] > 1:
+                raise InputError(f"directions: missing; where the {X.shape[1]} waves of X run to is needed [rad]")
             directions = self.directions if self.directions is not None else np.zeros(X.shape[1])
-            fixed["directions"] = read_only(directions, "directions", (X.shape[1],))
+            fixed["directions"] = angles = read_only(directions, "directions", (X.shape[1],))
+            if (far := np.abs(angles).max(initial=0.0)) > 2.0 * np.pi + 1e-6:
+                raise InputError(f"directions: {far:g} is too much for radians; np.deg2rad turns degrees")
         for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
             value = getattr(self, name)
             fixed[name] = np.inf if name == "depth" and value == np.inf else positive(value, name, unit)
@@ -184,16 +188,19 @@ class HydroData(Shown):
         rows, columns = np.ix_(pick, pick)
         return self.mapped(lambda matrix: matrix[..., rows, columns], lambda X: X[..., pick], dofs=names)
 
-    def coupled(self, dofs: Sequence[str], least: float = 0.03) -> tuple[str, ...]:
+    def coupled(self, dofs: Sequence[str], least: float = 0.03, noise: float = 1e-3) -> tuple[str, ...]:
         """Return these degrees of freedom and those that inertia, stiffness or radiation couple to them by `least`.
 
-        Of the geometric mean of both diagonals; less changes an impedance by a thousandth.
+        Of the geometric mean of both diagonals; less changes an impedance by a thousandth. A diagonal counts as a share
+        `noise` of the inertia's part of the impedance at least: that of a mode that does not radiate is rounding.
 
         >>> data.coupled(data.dofs[:1])
         ('Heave',)
         """
-        inertia = self.A if self.M is None else self.A + self.M
-        matrices = [np.abs(m) for m in (inertia.mean(axis=0), self.B.mean(axis=0), self.C, self.D) if m is not None]
+        inertia = np.abs((self.A if self.M is None else self.A + self.M).mean(axis=0))
+        omega, least_of = float(np.mean(self.omega)), np.diag(noise * inertia.diagonal())
+        others = ((self.B.mean(axis=0), omega), (self.D, omega), (self.C, omega**2))
+        matrices = [inertia, *(np.maximum(np.abs(m), scale * least_of) for m, scale in others if m is not None)]
         return tuple(self.dofs[i] for i in reached(matrices, [self.index(dof) for dof in dofs], least))
 
     def times(self, length: float) -> HydroData:

@@ -76,7 +76,8 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
     name = format or _told_from(path)
     if path.name.lower().endswith((".csv", ".csv.gz", ".parquet")) and not format:
         raise InputError(f"{path}: a record by its name, and coefficients are needed; of commands the model comes "
-                         "first, then the records")
+                         "first, then the records; a table of coefficients becomes a model's file by "
+                         "write_hydro(HydroData(omega, A, B, dofs=...), 'body.nc')")
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
     options = {key: value for key, value in zip(OWNER, (length, first_column, vessel)) if value is not None}

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = ("irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing",
-         "spike", "wave phase", "negative stiffness", "depth", "Haskind", "coarse band", "short band", "late band",
-         "silent mode")
+         "spike", "wave phase", "scale", "negative stiffness", "depth", "Haskind", "coarse band", "short band",
+         "late band", "silent mode")
 Bands = tuple[tuple[float, float], ...]
 
 

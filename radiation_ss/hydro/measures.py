@@ -9,6 +9,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
 from radiation_ss.hydro.data import HydroData, body, mode, motion_unit
 from radiation_ss.hydro.findings import Finding
+from radiation_ss.hydro.section.green import group_velocity, wave_number
 
 REVERSED = ("in long waves the horizontal wave force lags the elevation by a quarter period where it must lead: the "
             "phases are those of exp(-i w t) (then data.replace(X=data.X.conj())), or the headings are where waves "
@@ -226,6 +227,37 @@ def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence
             if other is not None:
                 total += (X[long, :, other] * X[long, :, k].conj() * along).sum()
     return float(np.angle(total)) if total else None
+
+
+def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: float = 1e-3) -> Iterator[str]:
+    """Yield a sentence for each heave whose force or damping is `apart` times off what it must be in long waves.
+
+    There the force is the stiffness times the elevation and, alike from all sides, B = k |X|^2 / (4 rho g v_g) (Newman
+    1977, Marine Hydrodynamics, chapter 6). Long: a share `long` at most is k times the side of the waterplane, and the
+    inertia's part of the stiffness. Damping below a share `noise` of the added mass's part may be rounding. With one
+    heading, or two along one line, the body may stand between walls: then the damping is larger.
+    """
+    if data.X is None or data.C is None or data.directions is None:
+        return
+    rho_g, round_about = data.rho * data.g, np.ptp(np.mod(data.directions, np.pi)) > 1e-3
+    k = wave_number(data.omega**2 / data.g, data.depth)
+    for i, dof in enumerate(data.dofs):
+        C, M = data.C[i, i], 0.0 if data.M is None else data.M[i, i]
+        if mode(dof) != "Heave" or not C > 0.0:
+            continue
+        near = (k**2 * C < long**2 * rho_g) & (data.omega**2 * (M + np.abs(data.A[:, i, i])) < long * C)
+        force = np.sqrt(np.mean(np.abs(data.X[near, :, i]) ** 2, axis=1))
+        times = float(force[0]) / C if near.any() else 1.0  # a deep body feels less of shorter waves
+        if not 1.0 / apart < times < apart:
+            yield (f"in long waves the wave force on {dof} is {times:.3g} times the elevation's part of its stiffness, "
+                   "and must be once; X or C is in another unit (rho, g, 1000)")
+            continue
+        made = k[near] * force**2 / (4.0 * rho_g * group_velocity(data.omega[near], k[near], data.depth))
+        clear = made > noise * data.omega[near] * np.abs(data.A[near, i, i])
+        times = float(np.median((data.B[near, i, i] / made)[clear])) if clear.any() else 1.0
+        if 0.0 < times < 1.0 / apart or (round_about and times > apart):
+            yield (f"in long waves the damping of {dof} is {times:.3g} times what its wave force says; B, or both, are "
+                   "in another unit (rho, omega)")
 
 
 def is_reversed(lead: float | None) -> bool:

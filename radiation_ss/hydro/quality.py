@@ -25,6 +25,7 @@ from radiation_ss.hydro.measures import (
     mass_scale,
     named,
     narrow,
+    off_scale,
     pair,
     percent,
     roughness,
@@ -61,6 +62,7 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))
+    findings += [Finding("scale", True, 1.0, (), (), text) for text in off_scale(data)]
     if data.M is not None and data.C is not None and (loose := statically_unstable(data.M, data.C, data.dofs)):
         findings.append(Finding("negative stiffness", False, 0.0, (), loose, f"{unstable_text(loose)}; check the "
                                 "centre of gravity, or add what restores it (mooring, hinge)"))

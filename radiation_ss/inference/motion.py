@@ -130,8 +130,8 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     found = [channel(model, record, i) for i in range(model.n)]
     free = np.array([f is not None for f in found])
     if not free.any():
-        raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
-                         f"degrees of freedom are {', '.join(model.dofs)}")
+        raise InputError(f"record {record.name}: no motion of {', '.join(model.dofs)} in its columns, "
+                         f"{', '.join(record.channels) or 'none'}")
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     if not still:

@@ -14,12 +14,12 @@ OWN = ("kind", "name", "start", "speed", "dofs")
 
 
 def comment_of(line: str) -> tuple[str, str] | None:
-    """Return key and value of a comment; None if the line is another remark.
+    """Return key and value of a comment; None if the line is another remark. Spreadsheets end it with separators.
 
-    >>> comment_of("# Kind: decay"), comment_of("# made in May")
+    >>> comment_of("# Kind: decay;;;"), comment_of("# made in May")
     (('kind', 'decay'), None)
     """
-    match = _COMMENT.match(line)
+    match = _COMMENT.match(line.rstrip(",;\t "))
     if match is None:
         return None
     key, value = match["key"], match["value"]

@@ -105,27 +105,35 @@ def from_pandas(frame: pd.DataFrame, *, kind: str | None = None, ignore: Collect
                 degrees: Collection[str] = (), dofs: OwnDofs = ()) -> Record:
     """Return the record of a DataFrame with the columns of a record file; times are its column `time` or its index.
 
-    An index of dates or time differences gives seconds from the first row. `frame.attrs` may carry what a file's
-    comments say; of a Dataset the attribute `units` counts. Options as of `read_record`.
+    An index of dates or time differences gives seconds from the first row; its name may state a unit, `time [ms]`.
+    Labels of several levels are read as one, ("Heave", "mm"). `frame.attrs` may carry what a file's comments say; of a
+    Dataset the attribute `units` counts. Options as of `read_record`.
     """
     if hasattr(frame, "data_vars"):  # an xarray.Dataset
         attributes = frame.attrs
-        stated = {name: f"{name} [{values.attrs['units']}]" for name, values in frame.data_vars.items()
+        stated = {name: f"{name} [{values.attrs['units']}]" for name, values in frame.variables.items()
                   if values.attrs.get("units") and name_and_unit(str(name))[1] is None}
-        frame = frame.to_dataframe().rename(columns=stated)
+        bare = [name for name in frame.dims if name not in frame.variables]
+        frame = frame.to_dataframe().rename(columns=stated).rename_axis(index=lambda name: stated.get(name, name))
+        frame.index.name = None if bare else frame.index.name  # it counts the rows
         frame.attrs.update(attributes)
-    labels = [str(column) for column in frame.columns]
+    labels = [" ".join(map(str, column)) if isinstance(column, tuple) else str(column) for column in frame.columns]
     start = ""
     columns = [frame.iloc[:, i] for i in range(len(labels))]
     if not any(spelled(name_and_unit(label)[0]) == "time" for label in labels):
-        counts = type(frame.index).__name__ == "RangeIndex" and frame.index.name is None
-        if counts and (kind or frame.attrs.get("kind")) != "static":
-            raise InputError("data frame: no column `time [s]`, and its index only counts the rows; add the times")
-        index = frame.index
+        index, name = frame.index, str(frame.index.name or "time")
+        counts = type(index).__name__ == "RangeIndex" and index.name is None
         if index.dtype.kind == "M":
             index, start = index - index[0], index[0].isoformat()
-        index = index.total_seconds() if index.dtype.kind == "m" else index
-        labels, columns = ["time", *labels], [index, *columns]
+        if index.dtype.kind == "m":
+            index, name = index.total_seconds(), "time"
+        elif counts or spelled(name_and_unit(name)[0]) != "time":
+            if (kind or frame.attrs.get("kind")) != "static":
+                raise InputError("data frame: no column `time [s]`, and its index "
+                                 + ("only counts the rows; add the times" if counts else
+                                    f"is {name!r}; if that is the time, call it `time [s]`"))
+            name = "time"
+        labels, columns = [name, *labels], [index, *columns]
     choice = ColumnChoice(ignore, degrees, dofs=dofs).with_comments({"dofs": str(frame.attrs.get("dofs", ""))})
     header = plain_columns(labels, "data frame", choice)
     given = {said.name: _numbers(column, said.name) for said, column in zip(header, columns) if said.name}

@@ -100,6 +100,9 @@ def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[in
     for line, row in enumerate(rows, start=1):
         if row.lstrip().startswith("#"):
             key, value = comment_of(row) or ("", "")
+            if not key and (slip := re.match(rf"\s*#\s*({'|'.join(OWN)})\s*[=;]", row, re.IGNORECASE)):
+                raise InputError(f"{where}, line {line}: {row.strip()[:80]!r} is no comment that is read; write "
+                                 f"`# {slip[1].lower()}: ...`")
             if key in OWN and comments.get(key, value) != value:
                 raise InputError(f"{where}, line {line}: comment {key!r} says {value[:80]!r}, another one above it "
                                  f"{comments[key][:80]!r}")
@@ -137,6 +140,9 @@ def _careful_values(rows: Sequence[str], first: int, where: str,
     """Return the numbers of lines cell by cell, and their line numbers; comments and empty lines are left out."""
     values, lines = [], []
     for line, row in enumerate(rows, start=first):
+        if (comment_of(row) or ("",))[0] in OWN:
+            raise InputError(f"{where}, line {line}: {row.strip()[:80]!r} stands below the header; comments stand "
+                             "above it")
         if not row.strip(", \t") or row.lstrip().startswith("#"):
             continue
         cells = _cells(row, f"{where}, line {line}")

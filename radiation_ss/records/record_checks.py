@@ -18,12 +18,12 @@ from radiation_ss.records.signals import RATES
 
 
 def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,
-               fastest: float = 13.0) -> tuple[str, ...]:
+               shortest_step: float = 2e-5, fastest: float = 13.0) -> tuple[str, ...]:
     """Return one sentence for each thing that looks wrong with a record: units, signs, dead and clipped channels.
 
     And a free decay whose kind is not `stated`. Spectra and clipping are looked for in the first `most` samples.
-    `longest_step` [s]: moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5. `fastest`:
-    ship [m/s].
+    `longest_step` [s]: moored ships of 100 s are sampled every 3 s, a record at 200 Hz in ms has steps of 5.
+    `shortest_step` [s]: blows are sampled at 20 kHz, and 1 Hz in days has steps of 1.2e-5. `fastest`: ship [m/s].
     """
     found, whole, rows = [], record, f"all {record.time.size} rows"
     if record.time.size > most:
@@ -40,6 +40,9 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     if step > longest_step and record.kind != "static":
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in milliseconds? Its header is then "
                      "`time [ms]`; offsets under steady loads are `# kind: static`")
+    if (step := float(np.ptp(record.time)) / record.time.size) < shortest_step:
+        found.append(f"time [s]: a sample every {step:.3g} s; is the time in days, as in a spreadsheet? Its header is "
+                     "then `time [d]`")
     for name, values in whole.channels.items():
         there = values[np.isfinite(values)]
         marks = list(_marks_of_missing(there))

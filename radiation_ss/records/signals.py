@@ -109,10 +109,13 @@ def grid_of(record: Record) -> FloatArray:
     return record.time[0] + dt * np.arange(max(2, int((record.time[-1] - record.time[0]) / dt + 1.5)))
 
 
-def spectrum_of(record: Record, values: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Return frequencies [rad/s] and Fourier coefficients; windowed unless the motion dies away."""
+def spectrum_of(record: Record, values: FloatArray, spiky: bool = True) -> tuple[FloatArray, ComplexArray]:
+    """Return frequencies [rad/s] and Fourier coefficients; windowed unless the motion dies away.
+
+    What is computed is not `spiky`: its first swings may be all of it.
+    """
     grid = grid_of(record)
-    even = whole(record.time, without_spikes(values), grid)
+    even = whole(record.time, without_spikes(values) if spiky else values, grid)
     even = even - even.mean()
     window = np.ones(even.size) if record.kind == "decay" else np.hanning(even.size)
     return 2.0 * np.pi * np.fft.rfftfreq(even.size, grid[1] - grid[0]), np.fft.rfft(even * window)
@@ -128,7 +131,8 @@ def rms_in(record: Record, spectrum: ComplexArray, band: np.ndarray) -> float:
 def whole(time: FloatArray, values: FloatArray, at: FloatArray | None = None) -> FloatArray:
     """Return values with what is missing filled by a straight line, at other times if given."""
     there = np.isfinite(values)
-    return np.interp(time if at is None else at, time[there], values[there]) if there.any() else np.zeros(time.size)
+    at = time if at is None else at
+    return np.interp(at, time[there], values[there]) if there.any() else np.zeros(at.size)
 
 
 def middle(omega: FloatArray, spectrum: ComplexArray) -> float:

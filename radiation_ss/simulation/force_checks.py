@@ -128,7 +128,7 @@ def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, Comp
     """Return frequencies, the force's spectrum (n, nw), and that by the conjugate of X; None if no force is known."""
     rows = record.get("force", model.dofs)
     if rows is not None:
-        spectra = [spectrum_of(record, np.nan_to_num(row)) for row in rows]
+        spectra = [spectrum_of(record, row) for row in rows]
         found = np.stack([s for _, s in spectra])
         return (spectra[0][0], found, None) if np.any(found) else None
     elevation = record.channels.get("wave_elevation")
@@ -217,33 +217,6 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
         counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
         if counts and correlation > alike and not 1.0 / APART < times < APART:
             yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
-
-
-def mirrored(model: Model, record: Record) -> Iterator[str]:
-    """Yield a sentence for the motion whose axis, turned with its force's, lets the model leave APART times less force.
-
-    Turning both turns the coupling with other motions alone. What is left is F - Z x, of each force its own share.
-    """
-    inputs = forces(model, record) if model.n > 1 and record.kind not in ("decay", "motion-only") else None
-    if inputs is None or inputs[2] is not None or any(dof not in record.channels for dof in model.dofs):
-        return
-    omega, force = inputs[0][1:], inputs[1][:, 1:]
-    motion = np.stack([spectrum_of(record, record.channels[dof])[1][1:] for dof in model.dofs])
-    Z, band = impedance(model, omega), band_of(omega, np.linalg.norm(force, axis=0))
-    size = np.linalg.norm(force[:, band], axis=1)
-    acts = size > 0.0
-
-    def left(turn: FloatArray) -> float:
-        error = force - np.einsum("wij,jw->iw", turn[:, None] * turn * Z, motion)
-        return float(np.linalg.norm(np.linalg.norm(error[acts][:, band], axis=1) / size[acts]))
-
-    turns = [1.0 - 2.0 * row for row in np.eye(model.n)]
-    given, others = left(np.ones(model.n)), [left(turn) for turn in turns]
-    best = min(others)
-    if given > APART * best:
-        either = " or ".join(dof for dof, other in zip(model.dofs, others) if other < 1.1 * best)
-        yield (f"column {either} and its force, all {record.time.size} rows: with both signs turned the model leaves "
-               f"{given / best:.3g} times less of the forces; is the positive direction of {either} the model's?")
 
 
 def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:

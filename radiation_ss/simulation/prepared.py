@@ -141,8 +141,8 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
         if short:
             raise InputError(f"record {record.name}: fewer than two samples of the motion of {', '.join(short)} are "
                              f"left between {record.time[0]:.4g} and {record.time[-1]:.4g} s")
-        raise InputError(f"record {record.name}: it measures {', '.join(record.dofs) or 'no motion'}, and the model's "
-                         f"degrees of freedom are {', '.join(model.dofs)}")
+        raise InputError(f"record {record.name}: no motion of {', '.join(model.dofs)} in its columns, "
+                         f"{', '.join(record.channels) or 'none'}")
     edge = unsure_edge(model, record) if trim else 0.0
     first, last = record.time[0] + edge, record.time[-1] - edge
     steps = int(np.ceil((record.time[-1] - first) / h)) + 1
@@ -168,8 +168,8 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
             if there.sum() < (2 if record.kind == "static" else 4):
                 # What no column holds is zero, or that of a motion that stands still and is not asked for.
                 if record.kind not in ("decay", "static") and (record.kind != "prescribed" or dof in record.dofs):
-                    raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples while the force on "
-                                     f"another degree of freedom is known; at least four are needed")
+                    raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples where four are "
+                                     f"needed; its columns are {', '.join(record.channels)}")
                 row, there = np.zeros(record.time.size), np.full(record.time.size, True)
             known = np.flatnonzero(there) if np.any(row[there]) else np.flatnonzero(there)[[0, -1]]
             splines.append(CubicSpline(record.time[known], row[known]))

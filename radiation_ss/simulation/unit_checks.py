@@ -14,8 +14,9 @@ from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
-from radiation_ss.simulation.force_checks import APART, mirrored, sentence, sizes, turned, turned_in_decay
+from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.prepared import exciting_force
 
 
@@ -48,38 +49,44 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
         return
     for dof in model.dofs:
         yield from signals.column_conflicts(record, dof)
-    for dof, factor, text in off_size(model, record):
-        # Friction or a stop may hold a body that moves as the model where the force is larger.
-        if factor > 1.0 or not any(name == dof and times is None for other in records if other is not record
-                                   for name, _, times in against_model(model, other)):
-            yield text
-    yield from turned(model, record)
+    # Friction or a stop may hold a body that moves as the model where the force is larger.
+    off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
+        name == dof and times is None for other in records if other is not record
+        for name, _, times in against_model(model, other))]
+    if off := off + turned(model, record):
+        kind, text = misread(model, record) or ("", "")
+        yield from [text] if kind == "order" else off
 
 
 def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) -> None:
-    """Refuse records that state a force of zero and do not die out: whose last third moves half as much as the
-    liveliest, though the model's slowest motion falls by `fall` over a third.
-    """
+    """Refuse records that state a force of zero and do not die out."""
     for record in records:
-        force = record.get("force", model.dofs)
-        if force is None or np.nansum(np.abs(force)) > 0.0:
-            continue
-        poles = np.linalg.eigvals(model.matrices()[0])
-        slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
-        length = float(record.time[-1] - record.time[0])
-        if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
-            continue
-        thirds = np.array_split(np.arange(record.time.size), 3)
-        power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
-                              for c in _motion(model, record)) for part in thirds])
-        if power[-1] > 0.25 * power.max() > 0.0:
-            columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
-            stated = (f"column {', '.join(columns)}: zero on all {record.time.size} rows" if columns
-                      else f"kind {record.kind}: no force acts")
-            raise InputError(f"record {record.name}, {stated}, but the motion does not die out: its last third has "
-                             f"{np.sqrt(power[-1] / power.max()):.0%} of the liveliest third's rms; in waves of "
-                             "unknown force leave the force columns out (kind motion-only); cut a decay test to one "
-                             "release")
+        for text in _lasting(model, record, fall):
+            raise InputError(f"record {record.name}, {text}")
+
+
+def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
+    """Yield a sentence if no force acts, but the last third moves half as much as the liveliest, though the model's
+    slowest motion falls by `fall` over a third.
+    """
+    force = record.get("force", model.dofs)
+    if force is None or np.nansum(np.abs(force)) > 0.0:
+        return
+    poles = np.linalg.eigvals(model.matrices()[0])
+    slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
+    length = float(record.time[-1] - record.time[0])
+    if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
+        return
+    thirds = np.array_split(np.arange(record.time.size), 3)
+    power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
+                          for c in _motion(model, record)) for part in thirds])
+    if power[-1] > 0.25 * power.max() > 0.0:
+        columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
+        stated = (f"column {', '.join(columns)}: zero on all {record.time.size} rows" if columns
+                  else f"kind {record.kind}: no force acts")
+        yield (f"{stated}, but the motion does not die out: its last third has "
+               f"{np.sqrt(power[-1] / power.max()):.0%} of the liveliest third's rms; in waves of unknown force leave "
+               "the force columns out (kind motion-only); cut a decay test to one release")
 
 
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
@@ -90,9 +97,16 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     else:
         apart = _apart(model, record) if slow_by_nature(record) else ""
         against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
-        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record), *sizes(model, record),
-                *mirrored(model, record), *(text for _, _, text in off_size(model, record)),
-                *filter(None, [apart]), *against]
+        kind, text = misread(model, record) or ("", "")
+        against = [] if kind in ("order", "sign") else against
+        large = [] if kind in ("order", "sign") else list(sizes(model, record))
+        said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
+                *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
+                *filter(None, [apart]), *against, *(_lasting(model, record) if record.kind == "decay" else [])]
+    strange = [name for dof in record.dofs if dof not in model.dofs for _, name in signals.columns_of(record, dof)]
+    if strange:
+        said.append(f"column {', '.join(strange)}: not used; the model's degrees of freedom are "
+                    f"{', '.join(model.dofs)}")
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
@@ -148,26 +162,26 @@ def _apart(model: Model, record: Record) -> str:
 
 def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     """Return a sentence if a decay swings by `factor` slower or quicker than the model. Damping slows, too, but by 3 %
-    at most where the swing back is half the first one.
+    at most where the swing back is half the first one, and by 16 % where it is .15.
     """
     if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
     free, states = since_release(record)[0], model.fit.states + 2 * model.n
     columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
-    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i]))
-           for i in range(model.n)]
+    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i],
+                                               spiky=False)) for i in range(model.n)]
     found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
         return []
 
-    def swings_back(values: FloatArray, least: float = 0.5) -> bool:
+    def swings_back(values: FloatArray, least: float) -> bool:
         values = values[np.isfinite(values)]
         away = values - values[-(values.size // 3 + 1):].mean()
         one, other = sorted((float(away.max()), float(-away.min())))
         return one > least * other
 
-    times = min(found) / max(own)
-    if max(found) < min(own) / factor and all(swings_back(free.channels[column]) for column in columns):
+    times, least = min(found) / max(own), 0.15 if max(found) < 0.4 * min(own) else 0.5
+    if max(found) < min(own) / factor and all(swings_back(free.channels[column], least) for column in columns):
         times = max(found) / min(own)
     elif times <= factor:
         return []

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
-from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed
+from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
 from radiation_ss.hydro.section.green import wave_number
 
 IntArray = NDArray[np.intp]
@@ -76,7 +76,11 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
         raise InputError(f"{path}: {error}") from None
     if is_reversed(horizontal_lead(data.X, data.C, data.dofs, data.directions)):
         lost.append(f"{path}: {REVERSED}; X is as the file has it")
-        data = data.replace(notes=(*notes, *lost))
+    lost += [f"{path}: {text}" for text in off_scale(data)]
+    other = [dof for dof in dofs if mode(dof) not in RIGID and mode(dof).capitalize() in RIGID]
+    lost += [f"{path}: {', '.join(other)}: none of {', '.join(RIGID)}; taken as a degree of freedom of its own"
+             for _ in other[:1]]
+    data = data.replace(notes=(*notes, *lost))
     for note in lost:
         log.warning(note)
     return data

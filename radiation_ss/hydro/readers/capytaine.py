@@ -62,6 +62,8 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     force = data.get("excitation_force")
     if force is None and "diffraction_force" in data and "Froude_Krylov_force" in data:
         force = data["diffraction_force"] + data["Froude_Krylov_force"]
+    elif force is None and (part := {"diffraction_force", "Froude_Krylov_force"} & set(data.data_vars)):
+        notes.append(f"{path}: of the wave force only {part.pop()} is there; X is left out")
     if force is not None:
         if "wave_direction" not in force.dims:
             force = force.expand_dims("wave_direction")
@@ -125,6 +127,8 @@ def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, st
         with np.errstate(divide="ignore"):
             data = data.assign_coords(omega=2.0 * np.pi / data["period"] if "period" in data.variables
                                       else 2.0 * np.pi * data["freq"])
+    if "rad" not in (unit := str(data["omega"].attrs.get("units", "rad/s"))):
+        raise InputError(f"{path}: omega is in {unit!r}; rad/s needed (one in Hz is called freq)")
     if data["omega"].ndim == 0:
         data = data.drop_vars("omega").expand_dims(omega=[float(data["omega"])])
     if data["omega"].ndim != 1:
@@ -232,7 +236,7 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     square, names = ("influenced_dof", "radiating_dof"), list(data.dofs)
     out = xr.Dataset({"added_mass": (("omega", *square), A), "radiation_damping": (("omega", *square), B)},
                      coords={"omega": omega, "influenced_dof": names, "radiating_dof": names, "rho": data.rho,
-                             "g": data.g, "water_depth": data.depth})
+                             "g": data.g, "water_depth": data.depth, "forward_speed": 0.0})
     for field, name in SQUARE.items():
         value = getattr(data, field)
         if value is not None:
@@ -245,7 +249,9 @@ def to_dataset(data: HydroData) -> xr.Dataset:
     if np.isfinite(data.reference_point).all():
         out = out.assign_coords(rotation_center=("space_coordinate", list(data.reference_point)),
                                 space_coordinate=["x", "y", "z"])
-    out["omega"].attrs["units"] = "rad/s"
+    with np.errstate(divide="ignore"):
+        out = out.assign_coords(period=("omega", 2.0 * np.pi / omega))  # Capytaine's own writers ask for it
+    out["omega"].attrs["units"], out["period"].attrs["units"] = "rad/s", "s"
     return out
 
 

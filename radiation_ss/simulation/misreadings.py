@@ -1,0 +1,150 @@
+"""Whether a record fits the model far better with two columns exchanged, a sign turned, or its force in kgf."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.records.record import Record
+from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
+from radiation_ss.simulation.force_checks import APART, forces, impedance
+from radiation_ss.units import FORCE
+
+
+@dataclass(frozen=True)
+class ReadingRules:
+    """What a body may be off by under every reading, and how much better one must fit than the record as given."""
+
+    own: float = 0.4  # Share of a motion's own stiffness and inertia
+    coupled: float = 0.5  # Share of each coupling
+    damped: float = 0.3  # Of critical, beside the model's own damping
+    least: float = 0.1  # Share (rms) of the forces that the record as given may leave without a question
+    weak: float = 1e-3  # Share of the liveliest force's energy, its square over the inertia, that counts
+    fits: float = 0.5  # Largest share (rms) of the forces that a reading may leave
+    times: float = APART  # As much more the record as given leaves
+    lines: float = 3.0  # A motion in fewer frequencies fits bodies that are other ones
+
+
+class Reading(NamedTuple):
+    """What a record may mean, and the matrices that motions and forces are then multiplied by."""
+
+    kind: str  # What the columns are wrong in: "order", "sign" or "unit"
+    columns: tuple[str, ...]
+    words: str
+    motion: FloatArray
+    force: FloatArray
+
+
+def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) -> tuple[str, str] | None:
+    """Return kind and sentence if another reading of the columns leaves far less of the forces than that as given.
+
+    What is left is F - Z x, of each force (in a decay: of the body's inertia force) its own share, by the body that
+    fits best under that reading: an effect that the model lacks is in all of them.
+    """
+    free, inputs = record.kind == "decay" and model.n > 1, None
+    if free:
+        record = replace(since_release(record)[0], kind="motion-only")  # windowed
+    elif record.kind not in ("decay", "motion-only", "static"):
+        inputs = forces(model, record)
+    if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
+        return None
+    w, x = _motions(model, record)
+    F: ComplexArray = inputs[1][:, 1:] if inputs else np.zeros_like(x)
+    of = _measure(model, w, x, F)
+    energy = np.linalg.norm(of, axis=1) ** 2 / np.diag(model.M + model.A_inf)
+    acts = energy > rules.weak * max(energy)
+    power = [np.abs(f[band_of(w, f)]) ** 2 for f in of[acts]]
+    if not power or (not free and min(p.sum() ** 2 / np.sum(p**2) for p in power) < rules.lines):
+        return None
+    as_given = _left(model, w, x, F, acts, rules)
+    if as_given < rules.least:
+        return None
+    known = [i for i in range(model.n) if F[i].any()]
+    found = [(_left(model, w, reading.motion @ x, reading.force @ F,
+                    (reading.motion if free else reading.force) @ acts != 0.0, rules), reading)
+             for reading in _readings(model, known, inputs is not None and inputs[2] is not None)]
+    best = min(left for left, _ in found)
+    if best > rules.fits or as_given < rules.times * best:
+        return None
+    alike = [reading for left, reading in found if left < 1.1 * best]
+    columns = dict.fromkeys(column for reading in alike for column in reading.columns)
+    return alike[0].kind, (
+        f"column {' or '.join(columns)}, all {record.time.size} rows: with {' or '.join(r.words for r in alike)} the "
+        f"model leaves {as_given / best:.3g} times less unexplained; check the {alike[0].kind} of the columns")
+
+
+def _motions(model: Model, record: Record) -> tuple[FloatArray, ComplexArray]:
+    """Return frequencies and the spectra of the displacements, (n, nw); zero of what stands still."""
+    w = spectrum_of(record, record.time)[0][1:]
+    x = np.zeros((model.n, w.size), dtype=complex)
+    for i, dof in enumerate(model.dofs):
+        for order, name in columns_of(record, dof)[:1]:
+            x[i] = spectrum_of(record, record.channels[name])[1][1:] / (1j * w) ** order
+    return w, x
+
+
+def _readings(model: Model, known: list[int], waves: bool) -> Iterator[Reading]:
+    """Yield what a record may mean; of one in `waves` the force is the model's own."""
+    eye = np.eye(model.n)
+    turns = [eye - 2.0 * np.outer(row, row) for row in eye]
+    for i, dof in enumerate(model.dofs):
+        yield Reading("sign", (dof,), f"the sign of {dof} turned", turns[i], eye)
+        if not waves and i in known:
+            yield Reading("sign", (f"{dof}_force",), f"the sign of {dof}_force turned", eye, turns[i])
+            yield Reading("sign", (dof,), f"both signs turned, of {dof} and its force", turns[i], turns[i])
+    for i, j in combinations(range(model.n), 2):
+        swap = eye.copy()
+        swap[[i, j]] = eye[[j, i]]
+        one, other = model.dofs[i], model.dofs[j]
+        yield Reading("order", (one, other), f"{one} and {other} exchanged", swap, eye)
+        if not waves and {i, j} <= {*known}:
+            forced = f"{one}_force", f"{other}_force"
+            yield Reading("order", forced, f"{forced[0]} and {forced[1]} exchanged", eye, swap)
+            yield Reading("order", (one, other), f"{one} and {other} exchanged, with their forces", swap, swap)
+    for sets in (known,) * bool(known) if waves or len(known) < 2 else (known, *([i] for i in known)):
+        columns = ("wave_elevation",) if waves else tuple(f"{model.dofs[i]}_force" for i in sets)
+        what = "the model's X" if waves else " and ".join(columns)
+        for times, words in ((FORCE["kgf"], "taken from kgf to N"), (1.0 / FORCE["kgf"], "divided by 9.81")):
+            yield Reading("unit", columns, f"{what} {words}", eye,
+                          np.diag([times if i in sets else 1.0 for i in range(model.n)]))
+
+
+def _measure(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray) -> ComplexArray:
+    """Return what the rest is a share of, (n, nw): the forces, or of a free body the inertia forces at its pace."""
+    if F.any():
+        return F
+    pace = np.array([middle(w, row) for row in x])
+    return np.asarray((np.diag(model.M + model.A_inf) * pace**2)[:, None] * x)
+
+
+def _left(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray, acts: NDArray[np.bool_],
+          rules: ReadingRules) -> float:
+    """Return the rms share of the forces that the model leaves, stiffness, inertia and damping as fits them best."""
+    C, inertia, Z, shares = model.C, model.M + model.A_inf, impedance(model, w), []
+    of = _measure(model, w, x, F)
+    for i in np.flatnonzero(acts):
+        band = band_of(w, of[i])
+        y, v = x[:, band], w[band]
+        size = float(np.linalg.norm(of[i, band]))
+        stiffness = C[i, i] if C[i, i] > 0.0 else inertia[i, i] * np.mean(v) ** 2
+        free = np.where(np.arange(model.n) == i, rules.own, rules.coupled)[:, None]
+        terms = np.concatenate([free * C[i, :, None] * y, free * inertia[i, :, None] * v**2 * y,
+                                2j * rules.damped * np.sqrt(stiffness * inertia[i, i]) * (v * y[i])[None]]) / size
+        error = (F[i, band] - np.einsum("wj,jw->w", Z[band, i], y)) / size
+        there = np.any(terms != 0.0, axis=1)
+        terms, low = terms[there], np.r_[-np.ones(2 * model.n), 0.0][there]
+        if not there.any():
+            shares.append(1.0)
+            continue
+        fitted = lsq_linear(np.hstack([terms.real, terms.imag]).T, np.r_[error.real, error.imag], (low, 1.0))
+        shares.append(2.0 * fitted.cost)
+    return float(np.sqrt(np.mean(shares)))
