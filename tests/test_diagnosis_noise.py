@@ -166,6 +166,7 @@ def test_a_slow_force_of_unknown_course_is_named_with_its_size(seed):
     assert abs(value - np.sqrt((one**2 + other**2) / 2.0)) < 3.0 * std < 0.3 * value
     share = next(row.share for row in found.budget.rows if row.cause == "slow_drift")
     assert share > 0.8 and found.how_far.gap_after > 0.5 * found.how_far.gap_before
+    assert found.how_far.shrinkage < 1.1 * (1.0 - share)  # explained, not predicted
     without = rss.diagnose(heave(), seen, withhold=unseen, absent=["slow_drift"]).verdict
     assert without.status == "unknown_effect"
 
