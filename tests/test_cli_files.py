@@ -1,6 +1,7 @@
 """From files to files: every verb on the paper's tank, and one clear line for bad input."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -205,10 +206,12 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, m
     assert not list(tmp_path.iterdir())
 
 
-def test_a_reader_that_has_enough_is_no_failure(folder):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_enough_is_no_failure(folder, unbuffered):
     """`radiation-ss check ... | head -1`, where the pipe is closed before anything is written."""
     program = subprocess.Popen([sys.executable, "-m", "radiation_ss", "check", str(folder / "tank.nc")],
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               env={**os.environ, "PYTHONUNBUFFERED": unbuffered})
     program.stdout.close()
     assert program.stderr.read() == b"" and program.wait() == 0
     program.stderr.close()

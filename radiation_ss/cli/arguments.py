@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -54,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.showwarning = warn  # type: ignore[assignment]
         try:
             args.action(args)
+            sys.stdout.flush()  # else what a closed pipe says comes after the program's end
             watch.over = True
         except BaseException as error:  # the program's end: each becomes a line and a status, or goes on from failed()
             watch.over = True
