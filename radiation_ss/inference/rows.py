@@ -14,7 +14,6 @@ from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import FINE, MeasuredMotion
 
-ROUNDING = 1e-9
 BANDS = 4  # unexplained force: below, around, at twice and at three times the typical frequency
 
 
@@ -106,7 +105,7 @@ def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
 
 
 def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], scale: FloatArray, noise: FloatArray,
-         share: float) -> csr_array | None:
+         share: float, rounding: float = 1e-9) -> csr_array | None:
     """Return the matrix that adds multiples of other motions' rows to each row; put what noise is left in place.
 
     The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
@@ -129,7 +128,7 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
                 own = np.array([share**2 * np.mean(scale[q.rows].reshape(-1, q.bins)[:, k] ** 2) for q in use])
                 t = -np.linalg.solve(S[k][np.ix_(at, at)] + np.diag(own + 1e-300), S[k][at, p.dof])
                 # What takes out no more than rounding would carry all of another motion's unknowns along.
-                t[np.abs(t) * np.sqrt(S[k][at, at]) < ROUNDING * np.sqrt(S[k][p.dof, p.dof])] = 0.0
+                t[np.abs(t) * np.sqrt(S[k][at, at]) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
                 lines = p.rows.start + k + p.bins * np.arange(len(run.basis))
                 noise[lines] = S[k][p.dof, p.dof] + 2.0 * t @ S[k][at, p.dof] + t @ S[k][np.ix_(at, at)] @ t
                 for q, weight in [(q, weight) for q, weight in zip(use, t) if weight]:
