@@ -18,10 +18,9 @@ from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.fit.descent import minimise, misfit_of, quasi_newton, too_narrow
 from radiation_ss.fit.port import Port, port_of
 from radiation_ss.fit.problem import Problem, check_size
-from radiation_ss.fit.program import finish, on_points, toward_points
+from radiation_ss.fit.program import finish, minimise, misfit_of, on_points, quasi_newton, too_narrow, toward_points
 from radiation_ss.fit.rational import connected, response_of
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
 

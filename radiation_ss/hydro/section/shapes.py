@@ -1,16 +1,20 @@
-"""Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius."""
+"""Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius, offsets in points or a text file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
-from radiation_ss.arrays import ComplexArray, FloatArray, positive
+from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.readers.text import lines, number, row
 from radiation_ss.hydro.transforms import composite
 
 
@@ -133,7 +137,14 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
     """
     b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
     sigma = positive(area_ratio, "area_ratio")
-    a1, a3 = lewis_coefficients(b / d, sigma)
+    # z = M (w + a1/w + a3/w^3)
+    p = (b - d) / (b + d)
+    c = 3.0 + 4.0 * sigma / np.pi + (1.0 - 4.0 * sigma / np.pi) * p**2
+    if 9.0 - 2.0 * c < 0.0:
+        raise InputError(f"area_ratio: no Lewis form has H0 = {b / d:g} and sigma = {sigma:g}; a smaller area ratio is "
+                         "needed")
+    a3 = (3.0 - c + np.sqrt(9.0 - 2.0 * c)) / c
+    a1 = (1.0 + a3) * p
     scale = b / (1.0 + a1 + a3)
 
     def contour(t: FloatArray) -> ComplexArray:
@@ -142,17 +153,6 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
         return np.asarray(scale * (y - 1j * ((1.0 - a1) * np.cos(angle) + a3 * np.cos(3.0 * angle))), dtype=complex)
 
     return Section((_arc(contour),), f"Lewis form b = {b:g} m, d = {d:g} m, sigma = {sigma:g}")
-
-
-def lewis_coefficients(breadth_ratio: float, area_ratio: float) -> tuple[float, float]:
-    """Return (a1, a3) of z = M (w + a1/w + a3/w^3) for H0 = b/d and sigma = area/(2 b d)."""
-    p = ((breadth_ratio - 1.0) / (breadth_ratio + 1.0)) ** 2
-    c = 3.0 + 4.0 * area_ratio / np.pi + (1.0 - 4.0 * area_ratio / np.pi) * p
-    if 9.0 - 2.0 * c < 0.0:
-        raise InputError(f"area_ratio: no Lewis form has H0 = {breadth_ratio:g} and sigma = {area_ratio:g}; "
-                         "a smaller area ratio is needed")
-    a3 = (3.0 - c + np.sqrt(9.0 - 2.0 * c)) / c
-    return float((1.0 + a3) * (breadth_ratio - 1.0) / (breadth_ratio + 1.0)), float(a3)
 
 
 def circle_section(radius: float, draft: float | None = None) -> Section:
@@ -222,3 +222,77 @@ def _self_crossing(z: ComplexArray) -> complex | None:
 def text(z: complex) -> str:
     """Return a point for a message."""
     return f"(y, z) = ({z.real:.4g}, {z.imag:.4g}) m"
+
+
+SectionLike = Section | Sequence[Sequence[float]] | str | Path
+
+
+def points_section(points: ArrayLike, name: str = "points", corner: float = 25.0) -> Section:
+    """Return a section through offsets; bends sharper than `corner` [deg] are chines, the rest is a smooth spline.
+
+    `points` (n, 2): offsets (y, z) [m] of the half section from the keel on the centre line to the waterline, or of the
+    whole section from waterline to waterline; z up. InputError if the points are no such contour.
+    """
+    array = read_only(points, f"{name}: points (y, z) [m]", (None, 2))
+    if len(array) < 2:
+        raise InputError(f"{name}: points must be of shape (n, 2) with n >= 2, found {array.shape}")
+    z = _half(array[:, 0] + 1j * array[:, 1], name)
+    steps = np.diff(z)
+    if (steps == 0.0).any():
+        raise InputError(f"{name}: point {text(z[int(np.argmin(np.abs(steps)))])} is given twice in a row")
+    bends = np.abs(np.angle(steps[1:] / steps[:-1], deg=True))
+    breaks = [0, *(int(i) + 1 for i in np.flatnonzero(bends > corner)), z.size - 1]
+    return Section(tuple(_spline(z[i:j + 1], corner if i == 0 else 0.0) for i, j in pairwise(breaks)), name)
+
+
+def read_section(path: str | Path) -> Section:
+    """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
+
+    InputError naming file and line, if a line does not hold two numbers or the points are no section.
+    """
+    entries = [(k, entry) for k, line in enumerate(lines(Path(path))) if (entry := line.split("#", 1)[0].strip())]
+    rows = [(k, " ".join(cell.strip() or "(empty)" for cell in entry.split("," if "," in entry else None)))
+            for k, entry in entries]
+    if rows and number(rows[0][1].split()[0]) is None:
+        rows = rows[1:]
+    return points_section([row(Path(path), k, entry, 2, "y, z") for k, entry in rows], name=str(path))
+
+
+def as_section(section: Section | ArrayLike | str | Path) -> Section:
+    """Return a Section from one, from points (y, z), or from the path of an offsets file."""
+    if isinstance(section, Section):
+        return section
+    return read_section(section) if isinstance(section, (str, Path)) else points_section(section)
+
+
+def _spline(z: ComplexArray, flat: float) -> Arc:
+    """Return the spline through points: horizontal at a start that is `flat` [deg] at most, else free at both ends."""
+    if z.size == 2:
+        return line(z[0], z[1])
+    t = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
+    keel: object = "not-a-knot"
+    if abs(np.angle(z[1] - z[0], deg=True)) < flat:
+        keel = (1, complex(t[-1]))
+    spline = CubicSpline(t / t[-1], z, bc_type=(keel, "not-a-knot"))
+    return Arc(spline, spline.derivative())
+
+
+def _half(z: ComplexArray, name: str) -> ComplexArray:
+    """Return the half contour from keel to waterline, whichever half or order the points come in."""
+    size = np.ptp(z.real) + np.ptp(z.imag)
+    small = 1e-6 * size
+    if z.real.min() < -small and z.real.max() > small:  # whole section
+        other = -np.conj(z[::-1])
+        if np.abs(other - z).max() > 1e-3 * size:
+            raise InputError(f"{name}: the section is not symmetric about y = 0 (by {np.abs(other - z).max():.3g} m)")
+        if z[0].real > 0.0:
+            z = z[::-1]
+        upper = z[z.size // 2:]
+        if z.size % 2 == 0:  # no point on the centre line: a flat keel between the two nearest
+            upper = np.concatenate([[1j * upper[0].imag], upper])
+        z = upper
+    elif z.real.max() <= small:
+        z = -np.conj(z)
+    if abs(z[0].imag) < abs(z[-1].imag):
+        z = z[::-1]
+    return z

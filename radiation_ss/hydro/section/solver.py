@@ -15,9 +15,8 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
 from radiation_ss.hydro.section.green import FarField
-from radiation_ss.hydro.section.offsets import SectionLike, as_section
 from radiation_ss.hydro.section.panels import build_mesh
-from radiation_ss.hydro.section.shapes import Section
+from radiation_ss.hydro.section.shapes import Section, SectionLike, as_section
 
 DOFS = ("Sway", "Heave", "Roll")
 BLOCK = 25  # frequencies solved together, fewer where the matrices are large

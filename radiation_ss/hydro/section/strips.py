@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.hydro.section.offsets import SectionLike, as_section
+from radiation_ss.hydro.section.shapes import SectionLike, as_section
 from radiation_ss.hydro.section.solver import section_2d
 
 DOFS = ("Sway", "Heave", "Roll", "Pitch", "Yaw")
