@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"\s*([+-]?(?:inf|nan|[\d.]+(?:[eE][+-]?\d+)?)?)\s*(.*)", re.DOTALL)   # and its unit
 USUAL_SEA = 600.0  # s
-SAID = 0.0005  # Least share of a sea's energy that is not 0.0 % where it is said
 
 
 def scenario(args: argparse.Namespace, model: Model) -> Record:
@@ -49,7 +48,7 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
         channels["wave_elevation"] = sea.elevation
         assert model.hydro is not None
         share, said = energy_outside(model.hydro, sea)
-        if share >= SAID:
+        if share >= 0.0005:  # less would be said as 0.0 %
             args.notes.append(f"{said} and exerts no force")
             meta["left_out"] = f"{said.removeprefix(f'{model.hydro.source}: ')} and exerts no force"
     else:

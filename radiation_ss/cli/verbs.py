@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.records.record import Record
 
-POOR = 0.1  # relative error of the radiation model from which on it is reported
 # Numbers of `model`: name, unit, meaning; hyphens become underscores, but for the names below.
 MODEL_NUMBERS = (
     ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
@@ -241,10 +240,10 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
     return body
 
 
-def poor_fit(made: RadiationFit, source: Path) -> list[str]:
-    """Return a sentence where the radiation model is not what the file says, else nothing."""
+def poor_fit(made: RadiationFit, source: Path, poor: float = 0.1) -> list[str]:
+    """Return a sentence where the radiation model is off the file by a relative error of `poor`, else nothing."""
     error = made.relative_error or 0.0
-    if not error > POOR:        # of a file that does not state it, NaN
+    if not error > poor:        # of a file that does not state it, NaN
         return []
     return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
             "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "

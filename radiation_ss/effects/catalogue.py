@@ -35,11 +35,6 @@ def no_more_than_all(share: Any) -> Any:
     return share - soft * ca.log1p(ca.exp((share - 1.0) / soft - 3.0))
 
 
-def fixed_width(share: float, of: str) -> Parameter:
-    """A smoothing width: a share of the typical displacement ('x') or velocity ('v'); not fitted."""
-    return P("X/s" if of == "v" else "X", 1, starts=lambda s: (share * getattr(s, of),), fixed=True)
-
-
 def sharpness(start: float) -> Parameter:
     """How abruptly friction sets in: unknown of any real contact, so it is fitted along."""
     return P("1", 1, lambda s: 4.0, lambda s: (start,), upper=50.0)
@@ -156,7 +151,8 @@ def effects() -> list[Effect]:
                lambda s, p: -p.share * s.memory, linear=True, common=True,
                summary="the radiation force is larger or smaller than computed, of one motion or of all by one share"),
     ]
-    either_side, near = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True), fixed_width(0.05, "x")
+    either_side = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True)
+    near = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)  # a smoothing width
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
                lambda s, p: -p.stiffness * s.x, family="stiffness", linear=True, summary="mooring, hydrostatics: -k x"),

@@ -9,7 +9,7 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError, SolverError
@@ -39,7 +39,9 @@ def choose_order(problem: Problem, quick: Callable[[Problem, int], Realisation],
     error is at most `good`. `quick`, `full`: fits a problem with an order: on the path of orders, and for the
     comparison with `floor`.
     """
-    out = _held_out(problem.x.size)
+    # Every third of 24 bands of consecutive frequencies is held out. Bands and not single samples: a resonance that an
+    # order too high puts between the fitted samples shows.
+    out = np.arange(problem.x.size) * min(24, problem.x.size) // problem.x.size % 3 == 1
     training = replace(problem, x=problem.x[~out], K=problem.K[~out], weight=problem.weight[~out])
 
     def errors(part: Realisation, *sides: Any) -> list[float]:
@@ -63,15 +65,6 @@ def choose_order(problem: Problem, quick: Callable[[Problem, int], Realisation],
         chosen = next(order for order in (*(n for n in orders if chosen <= n < floor), floor)
                       if order == floor or errors(full(problem, order), everything)[0] <= limit)
     return chosen, path
-
-
-def _held_out(size: int, bands: int = 24) -> NDArray[np.bool_]:
-    """Return True for the samples that are held out: every third of `bands` bands of consecutive frequencies.
-
-    Bands and not single samples: a resonance that an order too high puts between the fitted samples shows.
-    """
-    band = np.arange(size) * min(bands, size) // size
-    return np.asarray(band % 3 == 1)
 
 
 def _walk(trial: Callable[[int], Trial], orders: Sequence[int], good: float = 0.01,

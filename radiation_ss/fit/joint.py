@@ -1,7 +1,7 @@
 """Joint fit of a symmetric K(s): passive and reciprocal by construction, poles shared by all entries.
 
 1. Motions that the data do not couple by symmetry (bodies of an array, mirrored) are fitted apart.
-2. The modes of the damping are fitted each alone (`radiation_ss.fit.single`); side by side they are a passive start
+2. The modes of the damping are fitted each alone (`alone`); side by side they are a passive start
    without couplings between them.
 3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states
    are never worse; large forms take L-BFGS, whose gradient costs about as much as the response.

@@ -57,7 +57,9 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         outside = [(data.omega < low) | (data.omega > high) for low, high in drop]
         data = _keep(data, np.all(outside, axis=0), "as asked")
     if spikes:
-        data = _without_spikes(data, 0.03 if spikes is True else float(spikes))
+        rough = roughness(data).max(axis=(1, 2))
+        data = _keep(data, rough <= (0.03 if spikes is True else float(spikes)),
+                     f"that leave their neighbours by up to {percent(rough.max())}")
     if symmetric:
         data = _symmetric(data)
     if negative_damping:
@@ -82,11 +84,6 @@ def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
     rows = {f.name: getattr(data, f.name)[keep] for f in fields(data)
             if f.name in ("omega", "A", "B", "X") and getattr(data, f.name) is not None}
     return _noted(data, f"{int((~keep).sum())} of {keep.size} frequencies left out {why}: {gone}", **rows)
-
-
-def _without_spikes(data: HydroData, tolerance: float) -> HydroData:
-    rough = roughness(data).max(axis=(1, 2))
-    return _keep(data, rough <= tolerance, f"that leave their neighbours by up to {percent(rough.max())}")
 
 
 def _symmetric(data: HydroData) -> HydroData:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.waves.spectrum import SIGMA_HIGH, SIGMA_LOW
+from radiation_ss.waves.spectrum import jonswap_shape
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,4 @@ def bumps_about(knots: FloatArray, omega: FloatArray) -> FloatArray:
 def unit_energy(omega: FloatArray, period: FloatArray, gamma: FloatArray) -> FloatArray:
     """Return JONSWAP spectra of unit area, by Yamaguchi's (1984) area of the shape, within 1 %: smooth in gamma."""
     x = np.maximum(omega * period / (2.0 * np.pi), 0.2)         # below 0.2 the shape is under 1e-300
-    log_x = np.log(x)
-    peak = np.exp(-0.5 * ((x - 1.0) / np.where(x > 1.0, SIGMA_HIGH, SIGMA_LOW)) ** 2)
-    shape = np.exp(-5.0 * log_x - 1.25 * np.exp(-4.0 * log_x) + np.log(gamma) * peak)
-    return np.asarray(period / (2.0 * np.pi) / (0.065 * gamma**0.803 + 0.135) * shape)
+    return np.asarray(period / (2.0 * np.pi) / (0.065 * gamma**0.803 + 0.135) * jonswap_shape(x, gamma))

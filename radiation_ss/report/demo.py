@@ -30,23 +30,22 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], None]
 Stage = Callable[[str], None]
 
-LENGTH, HALF_BREADTH, DRAFT, AREA_RATIO, DEPTH = 0.297, 0.1, 0.1, 0.90, 0.45
-
-# What the simulated experiments on it suffer from.
+HALF_BREADTH = 0.1
+# What the simulated experiments suffer from.
 ERROR = 0.15  # relative standard deviation of the parameters that identification starts from
 NOISE = 0.01  # of the sensors, relative to the motion
-DT, DURATION, H13, T01 = 0.02, 30.0, 0.01, 0.9
-POINTS = (0.3, 1.0)  # K b of the frequencies where the radiation is known (25)-(27)
+DT, T01 = 0.02, 0.9
 BEAM = (0.5 * np.pi,)  # the waves run along y
 STAGES = 9  # that progress is told of
 HIDDEN = ("quadratic_drag", "Heave", 90.0)  # an effect that the diagnosed model does not have [kg/m]
 
 
-def tank_hydro(frequencies: int = 100) -> HydroData:
+def tank_hydro(frequencies: int = 100, length: float = 0.297, depth: float = 0.45) -> HydroData:
     """Return heave coefficients of the paper's body (its section 4) in the tank, from the section solver."""
     omega = np.geomspace(0.3, 30.0, frequencies)  # rad/s
-    data = rss.section_2d(rss.lewis_section(HALF_BREADTH, DRAFT, AREA_RATIO), omega, DEPTH, gyradius=0.7 * HALF_BREADTH)
-    return data.times(LENGTH).select("Heave").replace(source="tank of Hanaki et al. (2022)")
+    section = rss.lewis_section(HALF_BREADTH, draft=0.1, area_ratio=0.9)
+    data = rss.section_2d(section, omega, depth, gyradius=0.7 * HALF_BREADTH)
+    return data.times(length).select("Heave").replace(source="tank of Hanaki et al. (2022)")
 
 
 def tank_model(hydro: HydroData, order: int = 3) -> Model:
@@ -130,9 +129,9 @@ def run_demo(out: str | Path, seed: int = 0, progress: Progress | None = None) -
     return demo
 
 
-def wave_record(model: Model, rng: np.random.Generator, name: str, duration: float = DURATION) -> Record:
+def wave_record(model: Model, rng: np.random.Generator, name: str, duration: float = 30.0) -> Record:
     """Return the motion in the paper's sea (case 2), with sensor noise and the true force, as a linear record."""
-    sea = rss.realise(rss.jonswap(H13, t01=T01), duration, DT, seed=rng, directions=BEAM)
+    sea = rss.realise(rss.jonswap(0.01, t01=T01), duration, DT, seed=rng, directions=BEAM)
     force = rss.exciting_force(model, sea)
     response = rss.linear_response(model, sea.time, force)
     clean = {"Heave": response.outputs[0], "Heave_velocity": response.outputs[1],
@@ -169,7 +168,8 @@ def identified(model: Model, start: Model, record: Record, seed: int, stage: Sta
     """Identify the radiation model from motion alone, from the wrong start, in three ways."""
     motion = Record(record.time, {k: v for k, v in record.channels.items() if not k.endswith("_force")},
                     kind="motion-only", name=record.name)
-    points = {float(w): model.fit.frequency_response(w)[0] for w in np.sqrt(np.array(POINTS) * 9.81 / HALF_BREADTH)}
+    known_at = np.sqrt(np.array([0.3, 1.0]) * 9.81 / HALF_BREADTH)  # K b where the radiation is known (25)-(27)
+    points = {float(w): model.fit.frequency_response(w)[0] for w in known_at}
     made = []
     ways = {"dual filter": ("dual-enkf", None), "dual filter with two known points": ("dual-enkf", points),
             "motion's spectrum": ("spectral", None)}

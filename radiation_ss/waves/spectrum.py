@@ -14,15 +14,16 @@ from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Brief
 
-SIGMA_LOW, SIGMA_HIGH = 0.07, 0.09  # width of the JONSWAP peak below and above it (Hasselmann et al. 1973)
-
 
 def jonswap_shape(x: ArrayLike, gamma: float | FloatArray) -> FloatArray:
-    """Return x^-5 exp(-1.25 x^-4) gamma^r with r = exp(-(x - 1)^2 / (2 sigma^2)), x = w / w_p; 0 at x <= 0."""
+    """Return x^-5 exp(-1.25 x^-4) gamma^r with r = exp(-(x - 1)^2 / (2 sigma^2)), x = w / w_p; 0 at x <= 0.
+
+    The width sigma of the peak is 0.07 below and 0.09 above it (Hasselmann et al. 1973).
+    """
     x = np.asarray(x, dtype=float)
     safe = np.where(x > 0.1, x, 1.0)  # below 0.1 the exponential is under 1e-5000
-    r = np.exp(-0.5 * ((safe - 1.0) / np.where(safe > 1.0, SIGMA_HIGH, SIGMA_LOW)) ** 2)
-    return np.where(x > 0.1, safe**-5 * np.exp(-1.25 * safe**-4) * gamma**r, 0.0)
+    log_x, r = np.log(safe), np.exp(-0.5 * ((safe - 1.0) / np.where(safe > 1.0, 0.09, 0.07)) ** 2)
+    return np.where(x > 0.1, np.exp(-5.0 * log_x - 1.25 * np.exp(-4.0 * log_x) + np.log(gamma) * r), 0.0)
 
 
 @lru_cache(maxsize=4096)
