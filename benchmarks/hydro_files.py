@@ -168,18 +168,19 @@ def files_tables(folder):
             kind = "failure"
         for row in rows:
             row[kind] += 1
-    head = ["files", "read", "no coefficients", "refused", "failures"]
-    tables = {"files": [["format", *head]] + [[key, str(sum(row.values())), *map(str, row.values())]
-                                              for key, row in sorted(formats.items())]}
-    total = {kind: sum(row[kind] for row in formats.values()) for kind in ("read", "other", "refused", "failure")}
-    tables["files"].append(["all", str(len(files)), *map(str, total.values())])
+    kinds = ("read", "other", "refused")
+    tables = {"files": [["format", "files", "read", "no coefficients", "refused"]] + [
+        [key, str(sum(row.values())), *(str(row[kind]) for kind in kinds)] for key, row in sorted(formats.items())]}
+    total = {kind: sum(row[kind] for row in formats.values()) for kind in (*kinds, "failure")}
+    tables["files"].append(["all", str(len(files)), *(str(total[kind]) for kind in kinds)])
     some = {name.replace("+", "/"): row["read"] for name, row in sorted(repositories.items()) if row["read"]}
     names = ", ".join(f"{name} {count}" for name, count in some.items())
     tables["repositories"] = (f"{len(files)} files of {len(repositories)} repositories, {copies} copies left out. "
                               f"Read: {names}.")
     usual = sorted(((count, reason) for reason, count in reasons.items() if count > 5), reverse=True)
     print(*(reason for reason, count in reasons.items() if count <= 5), sep="\n")
-    tables["reasons"] = "Not read: " + ", ".join(f"{reason} {count}" for count, reason in usual) + "."
+    tables["reasons"] = ("Not read: " + ", ".join(f"{reason} {count}" for count, reason in usual)
+                         + f". Failures {total['failure']}.")
     tables["physics"] = physics_table(found)
     return tables
 

@@ -39,7 +39,7 @@ OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll
 ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
          ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
          ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
-HEADER = ["case", "asked", "pooled (if right)", "median", "worse than 1.1", "bands cover (least)",
+HEADER = ["case", "asked", "pooled (if right)", "worse than 1.1", "bands cover (least)",
           "the prior's (least)", "under 60 % (if right)", "force error (band covers)", "named", "cpu s"]
 
 
@@ -125,7 +125,7 @@ def line(label, results):
     known = np.isnan(column["force"]).all()
     pooled, right = (np.sqrt(np.mean(column[key] ** 2) / np.mean(column["e0"] ** 2)) for key in ("e", "spread"))
     failed = f" ({len(kept)} of {len(results)})" if len(kept) < len(results) else ""
-    return [label + failed, asked, f"{pooled:.2f} ({right:.2f})", f"{np.median(ratio):.2f}",
+    return [label + failed, asked, f"{pooled:.2f} ({right:.2f})",
             f"{np.mean(ratio > 1.1):.0%}", *(f"{column[key].mean():.0%} ({column[key].min():.0%})"
                                              for key in ("cover", "alone")),
             f"{np.sum(column['cover'] < 0.6)} ({column['right'].sum():.1f})",
