@@ -229,7 +229,6 @@ def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
 
 
 def _runge_kutta(rate: ca.Function, t: Any, x: Any, u: Any, h: float) -> Any:
-    """Return the state after one step of the classical Runge-Kutta method."""
     k1 = rate(t, x, u)[0]
     k2 = rate(t + h / 2, x + h / 2 * k1, u)[0]
     k3 = rate(t + h / 2, x + h / 2 * k2, u)[0]

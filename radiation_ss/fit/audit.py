@@ -180,7 +180,6 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
 
 
 def _realised(system: ct.TransferFunction, name: str) -> ct.StateSpace:
-    """Return the state space of a transfer function."""
     import control as ct
 
     try:

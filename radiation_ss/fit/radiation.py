@@ -272,7 +272,6 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
 
 
 def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:
-    """Return the weights, checked."""
     values = np.asarray(weight, dtype=float)
     if values.shape not in ((data.omega.size,), data.B.shape):
         raise InputError(f"weight: shape {values.shape} found; ({data.omega.size},) or {data.B.shape} needed")

@@ -75,7 +75,6 @@ def _noted(data: HydroData, note: str, **changes: object) -> HydroData:
 
 
 def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
-    """Leave out frequencies."""
     if keep.all():
         return _noted(data, f"no frequency lies {why}" if why.startswith("outside") else "no frequency left out")
     if keep.sum() < 2:
@@ -87,7 +86,6 @@ def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
 
 
 def _symmetric(data: HydroData) -> HydroData:
-    """Average with the transpose."""
     changes: dict[str, FloatArray] = {}
     told = []
     for name in ("A", "B", "A_inf", "A_zero"):

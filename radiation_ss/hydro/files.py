@@ -90,7 +90,6 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
 
 
 def _reader(name: str) -> Any:
-    """Return the module that reads a format."""
     return import_module(f"radiation_ss.hydro.readers.{name}")
 
 

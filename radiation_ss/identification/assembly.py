@@ -91,7 +91,6 @@ def widened(study: Study, bands: dict[str, Band], A_inf: FloatArray, omega: Floa
 
 
 def _row(values: FloatArray, mean: float, prior_mean: float, prior_std: float) -> dict[str, float]:
-    """Return what the draws say of one number."""
     std = float(values.std())
     known = prior_std > 0.0
     return {"mean": float(mean), "std": std, "prior_mean": float(prior_mean), "prior_std": float(prior_std),

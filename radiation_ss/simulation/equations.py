@@ -152,7 +152,6 @@ class MotionEquations:
 
     @cached_property
     def _symbols(self) -> tuple[Any, Any, Any, Any]:
-        """State, drive, time and parameters."""
         return (ca.SX.sym("s", self.ns), ca.SX.sym("d", self.drives, 3), ca.SX.sym("t"), ca.SX.sym("p", self.np))
 
     @cached_property

@@ -152,7 +152,6 @@ def _frequencies(omega: ArrayLike, section: Section, g: float) -> FloatArray:
 
 
 def _depth(section: Section, depth: float) -> float:
-    """Return the depth, checked."""
     if not float(depth) > 0.0:
         raise InputError(f"depth: must be positive (inf for deep water), found {depth} m")
     if 1e9 * section.draft < depth < np.inf:
