@@ -91,7 +91,7 @@ def loads(told, only="", csv_bytes=10**9, records=50):
         add("HydroData.check", size, lambda: data.check() and None)
         add("fit_radiation, order 2", size, lambda: fitted(data))
         model, given = long_records(records) if any(only in LARGE + what for what in LONG) else (None, [])
-        size = f"{records} records of 10 minutes at 100 Hz"
+        size = f"{records} records"
         add("steps of the live filter, one by one", f"{STEPS:,} samples of a damaged sensor", stepped)
         for what, job in LONG.items():
             add(what, size, lambda job=job: job(model, given))

@@ -8,7 +8,6 @@ M, C, time, force.
 """
 
 import argparse
-import re
 import subprocess
 import sys
 import time
@@ -36,10 +35,7 @@ OWN |= {f"force known, {label}, 30 s": ("JONSWAP", 30.0, options) for label, opt
     "elevation and X": {"elevation": True}}.items()}
 OWN |= {"sway-roll, JONSWAP, 120 s": ("JONSWAP", 120.0, {"body": "ship_sway_roll", "tp": 1.45}),
         "sway-roll, force known, 60 s": ("JONSWAP", 60.0, {"body": "ship_sway_roll", "tp": 1.45, "force": True})}
-ASKED = [("force known, clean|known_clean", "<= .10"), ("mass", "<= .10 or named"), ("drag", "named in >= 80 %"),
-         ("JONSWAP, 30|jonswap_30", "<= .80"), ("JONSWAP, 120|jonswap_120", "<= .55"),
-         ("JONSWAP, 600|jonswap_600", "<= .30"), ("elevation", ""), ("30", "<= 1.0"), ("120", "<= .9")]
-HEADER = ["case", "asked", "pooled (if right)", "worse than 1.1", "bands cover (least)",
+HEADER = ["case", "pooled (if right)", "worse than 1.1", "bands cover (least)",
           "the prior's (least)", "under 60 % (if right)", "force error (band covers)", "named", "cpu s"]
 
 
@@ -117,7 +113,6 @@ def line(label, results):
     kept = [item for item in results if item is not None]
     column = {key: np.array([item[key] for item in kept]) for key in kept[0] if key != "named"}
     ratio = column["e"] / column["e0"]
-    asked = next((text for pattern, text in ASKED if re.search(pattern, label)), "")
     counts = defaultdict(int)
     for item in kept:
         for name in item["named"].split():
@@ -125,7 +120,7 @@ def line(label, results):
     known = np.isnan(column["force"]).all()
     pooled, right = (np.sqrt(np.mean(column[key] ** 2) / np.mean(column["e0"] ** 2)) for key in ("e", "spread"))
     failed = f" ({len(kept)} of {len(results)})" if len(kept) < len(results) else ""
-    return [label + failed, asked, f"{pooled:.2f} ({right:.2f})",
+    return [label + failed, f"{pooled:.2f} ({right:.2f})",
             f"{np.mean(ratio > 1.1):.0%}", *(f"{column[key].mean():.0%} ({column[key].min():.0%})"
                                              for key in ("cover", "alone")),
             f"{np.sum(column['cover'] < 0.6)} ({column['right'].sum():.1f})",
