@@ -22,10 +22,10 @@ import numpy as np
 from gap_cases import tank_case
 
 from radiation_ss.blind.cases import make
-from radiation_ss.blind.worker import records_of
 from radiation_ss.body.convert import read_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.diagnose import diagnose
+from radiation_ss.records.record_files import read_record
 
 KINDS = ("decay", "decay", "waves", "waves", "waves")
 GOAL = 10.0  # s
@@ -64,7 +64,8 @@ def slowest(folder, count):
     rows = []
     for before, name in then[:count]:
         case, start = folder / "cases" / name, time.process_time()
-        found = diagnose(read_model(case / "MODEL.nc"), records_of(case), tolerance=tolerance)
+        records = [read_record(path) for path in sorted(case.glob("*.csv")) if path.name != "unseen.csv"]
+        found = diagnose(read_model(case / "MODEL.nc"), records, tolerance=tolerance)
         rows.append((f"{folder.name} {name}", found.verdict.status, before, time.process_time() - start))
         print(*rows[-1], flush=True)
     return rows
