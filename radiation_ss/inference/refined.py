@@ -119,21 +119,21 @@ def volume_of(term: Term, k: int, slopes: Sequence[Slope], covariance: FloatArra
 
 
 def likely_clocks(problem: EquationError, null: Candidate, terms: Sequence[Term],
-                  rules: SearchRules, starts: float = 2.5) -> list[Candidate]:
-    """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it.
-
-    Each is tried about none and about `starts` standard deviations of its prior, where no delay may look likely.
-    """
+                  rules: SearchRules) -> list[Candidate]:
+    """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it."""
     clocks = [t for t in terms if t.clock]
-    best = promise(problem, null, problem.base, [*clocks, *late(problem, terms, starts)], rules)
+    best = promise(problem, null, problem.base, [*clocks, *late(problem, terms)], rules)
     likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
     return [timed(problem, [term], null.posterior.sizes, rules) for _, term in likely[: rules.beam]]
 
 
-def late(problem: EquationError, terms: Sequence[Term], starts: float = 2.5) -> list[Term]:
-    """Return the clocks among terms, linear about some standard deviations of their priors."""
-    return [linear_about(problem, [t], sign * starts * t.columns.spread)[0] for t in terms if t.clock
-            for sign in (-1.0, 1.0)]
+def late(problem: EquationError, terms: Sequence[Term], starts: Sequence[float] = (1.25, 2.5, 3.75)) -> list[Term]:
+    """Return the clocks among terms, linear about some standard deviations of their priors.
+
+    A sixth of a period away from a delay nothing looks likely by first order; of a delay one deviation is a tenth.
+    """
+    return [linear_about(problem, [t], start * t.columns.spread)[0] for t in terms if t.clock
+            for size in starts for start in (-size, size)]
 
 
 def retimed(problem: EquationError, candidate: Candidate, rules: SearchRules,
