@@ -166,12 +166,14 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     loads = [np.mean(run.force[i] ** 2) for run in mine if run.record.kind == "static" and run.force is not None]
     if loads and model.C[i, i] == 0.0:  # of a body at rest, inertia says nothing of what holds it
         force = max(force, float(np.sqrt(np.mean(loads))))
+    driving = float(np.sqrt(np.mean(u))) if u else 0.0
+    force = max(force, driving)  # a body that is held fast hardly moves
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))
     speed = float(np.sqrt(np.mean([run.record.speed**2 for run in mine])))
     waves = [(run.elevation, run.orbital[i]) for run in mine if np.any(run.elevation)]
     elevation, orbital = np.sqrt(np.mean([np.mean(np.square(pair), axis=1) for pair in waves], axis=0)
                                  ) if waves else (0.0, 0.0)
-    return Scales(moving, rms("v"), rms("a"), float(np.sqrt(np.mean(u))) if u else 0.0, force, omega, duration,
+    return Scales(moving, rms("v"), rms("a"), driving, force, omega, duration,
                   natural_frequency(model, i), elevation=float(elevation), orbital=float(orbital), speed=speed,
                   stiffness=float(model.C[i, i]), inertia=float(inertia), damping=float(model.D[i, i]),
                   peak=max(reached_twice(run.x[i]) for run in mine))
