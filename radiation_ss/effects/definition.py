@@ -266,8 +266,8 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     scales : Scales
         Typical sizes in the records at hand.
     cut : float
-        Standard deviations at which the prior ends where the parameter states no bound; a strength that only makes
-        sense positive has no upper one.
+        Standard deviations at which the prior of a shape ends where the parameter states no bound; a strength's has
+        no end.
     share : float
         Of the model's own linear force, for strengths of forces that state no slab; 1 for a restoring force where the
         model has none.
@@ -294,9 +294,9 @@ def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: flo
     mean = tuple(float(v) for v in parameter.starts(scales)) if parameter.starts is not None else (0.0,)
     lower, upper = (float(b(scales)) if callable(b) else b for b in (parameter.lower, parameter.upper))
     if lower is None:
-        lower = min(mean) - cut * sd
+        lower = -np.inf if parameter.strength else min(mean) - cut * sd
         lower = max(lower, 0.0) if parameter.sign > 0 else lower
     if upper is None:
-        upper = np.inf if parameter.strength and parameter.sign > 0 else max(mean) + cut * sd
+        upper = np.inf if parameter.strength else max(mean) + cut * sd
     inside = tuple(dict.fromkeys(min(max(value, lower), upper) for value in mean))
     return Slab(inside, sd, lower, upper)

@@ -20,7 +20,8 @@ class Scales:
     u : float
         Root mean square of the exciting force [N or N m]; 0 in decays.
     force : float
-        Root mean square of the restoring force [N or N m]: what an effect's force is compared with.
+        Root mean square of the largest of restoring, inertial and exciting force [N or N m]: what an effect's force
+        is compared with.
     omega : float
         Typical circular frequency of the motion [rad/s].
     duration : float
@@ -132,8 +133,8 @@ class Parameter:
     fixed : bool
         A shape that is not fitted: its first start is used (the width of a smoothed step).
     lower, upper : float or callable, optional
-        Physical bounds in the parameter's own unit, or from `Scales`. Without them: 4 standard deviations from 0 or
-        from the outermost start, and 0 where `sign` is 1.
+        Physical bounds in the parameter's own unit, or from `Scales`. Without them a strength has none, but 0 where
+        `sign` is 1, and a shape ends 4 standard deviations from its outermost start.
     """
 
     unit: str = "F"

@@ -154,8 +154,7 @@ class Weighing:
             return others
         problem, sizes = self.found.problem, replace(candidate.posterior.sizes, tolerance=0.0)
         columns = joined([problem.base, *(t.columns for t in candidate.terms if t is not term)])
-        worth = gains(problem.rows, columns, solve(problem.rows, columns, sizes), [t.columns for t in others],
-                      self.rules.sizes.cut)
+        worth = gains(problem.rows, columns, solve(problem.rows, columns, sizes), [t.columns for t in others])
         return [others[k] for k in np.argsort(-np.nan_to_num(worth, nan=-np.inf))[: self.fit.starts]]
 
     def solved(self, trial: Trajectories, terms: Sequence[Term]) -> tuple[Trajectories, FloatArray]:

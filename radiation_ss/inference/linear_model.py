@@ -169,8 +169,6 @@ class SizePrior:
         What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
     exact : float
         What the factor of coherent and wandering errors is at least: no law of the library holds more exactly.
-    cut : float
-        Prior standard deviations beyond which a strength is impossible.
     spectrum : float
         Of the logarithm of an unknown exciting force's size at one frequency.
     """
@@ -184,7 +182,6 @@ class SizePrior:
     coherent: float = 1.5
     largest: float = 3.0
     exact: float = 0.2
-    cut: float = 4.0
     spectrum: float = 5.0
 
 
@@ -257,33 +254,19 @@ def factor_of(rows: Rows, columns: Columns) -> np.ndarray:
     return np.concatenate([columns.factor, *(own.factor for own in rows.own)])
 
 
-def bounded(columns: Columns, cut: float) -> np.ndarray:
-    """Return whose physical bound is nearer than where the prior ends, in its standard deviations."""
-    return np.asarray(columns.lower > -cut * columns.spread)
+def log_allowed(found: Posterior, columns: Columns, near: float = 6.0) -> float:
+    """Return the log of the posterior probability of what is above the physical bounds over that of the prior.
 
-
-def log_allowed(found: Posterior, columns: Columns, nuisances: int, cut: float) -> float:
-    """Return the log of the posterior probability of the allowed region over that of the prior.
-
-    Allowed is what is above the physical bounds where they are near; of the others beyond the first `nuisances`, values
-    within `cut` prior standard deviations.
+    A bound further off than `near` posterior standard deviations takes nothing away.
     """
-    near = bounded(columns, cut)
-    limited = np.flatnonzero(near)
-    total = 0.0
-    if limited.size:
-        deviation = np.maximum(np.sqrt(np.diag(found.covariance)[limited]), 1e-150)
-        above = (found.mean - columns.lower)[limited] / deviation
-        if limited.size == 1:
-            total += float(log_ndtr(above[0]))
-        else:
-            from scipy.stats import multivariate_normal
+    deviation = np.maximum(np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), 1e-150)
+    above = (found.mean - columns.lower) / deviation
+    limited = np.flatnonzero(above < near)
+    total = -float(log_ndtr(-columns.lower / columns.spread).sum())
+    if limited.size < 2:
+        return total + float(log_ndtr(above[limited]).sum())
+    from scipy.stats import multivariate_normal
 
-            C = found.covariance[np.ix_(limited, limited)] / deviation[:, None] / deviation
-            chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above)
-            total += float(np.log(chance)) if chance > 1e-8 else float(log_ndtr(above).sum())
-        total -= float(log_ndtr(-columns.lower[limited] / columns.spread[limited]).sum())
-    ranged = nuisances + np.flatnonzero(~near[nuisances:])
-    std = np.sqrt(np.maximum(np.diag(found.covariance)[ranged], 0.0))
-    within = (cut * columns.spread[ranged] - np.abs(found.mean[ranged])) / np.maximum(std, 1e-150)
-    return total + float(log_ndtr(within).sum())
+    C = found.covariance[np.ix_(limited, limited)] / deviation[limited, None] / deviation[limited]
+    chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above[limited])
+    return total + float(np.log(chance) if chance > 1e-8 else log_ndtr(above[limited]).sum())

@@ -69,7 +69,7 @@ class Base:
 
     def beside(self, added: Added, terms: Sequence[Term], q: FloatArray, known: Proposing) -> Iterator[Neighbour]:
         """Yield the sets with one of some terms more that promise what is asked."""
-        results = [theory.beside(added, q, known.rules.sizes.cut) for theory in self.theories]
+        results = [theory.beside(added, q) for theory in self.theories]
         odds = [log_prior(term, known.rules, known.present) for term in terms]
         value, k = np.array([result[0] for result in results]) + odds - self.least, added.lower.shape[1]
         for j in map(int, np.flatnonzero(value.max(axis=0) >= known.promise)):

@@ -201,7 +201,7 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
                             np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise),
                             [prior.tolerance, prior.offset, prior.before, prior.coherent]])
-    layout, last = Layout(rows, columns), list[Posterior | None]([None])
+    layout, highest = Layout(rows, columns), list[tuple[float, Posterior]]()
     unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
 
     def scaled(found: Posterior) -> FloatArray:
@@ -211,30 +211,34 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 4)])
 
     def solved(x: FloatArray) -> Posterior:
-        found = solve(climbed, columns, Sizes.of(x, groups), start=last[0], layout=layout, stretch=stretch)
+        # From the best so far: past where the impedance is zero lies another solution, which a long step may meet.
+        found = solve(climbed, columns, Sizes.of(x, groups), start=highest[-1][1] if highest else None, layout=layout,
+                      stretch=stretch)
         more = float(np.sum((rows.weight - climbed.weight)[rows.telling] * logs_of(rows, columns, found)))
-        last[0] = found = replace(found, log_evidence=found.log_evidence + more)
-        return found
+        return replace(found, log_evidence=found.log_evidence + more)
 
     def negative(y: FloatArray) -> tuple[float, FloatArray]:
         x = unit * y
         found = solved(x)
         off = (x - centre - scaled(found)) / width
         slope = size_gradient(rows, columns, found, layout, stretch) - off / width
-        return -(found.log_evidence - 0.5 * np.sum(off**2)), -slope * unit
+        value = found.log_evidence - 0.5 * float(np.sum(off**2))
+        if not highest or value > highest[-1][0]:
+            highest.append((value, found))
+        return -value, -slope * unit
 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:-1]), (np.log(prior.exact), 0.0)
     climbed, stretch = rows, np.ones(1)
     climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
-    x = start.vector if steps == 0 else unit * minimize(
-        negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
-        options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)}).x
-    reached = last[0] if steps and last[0] and np.array_equal(last[0].sizes.vector, x) else solved(x)
+    if steps:
+        minimize(negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
+                 options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
+    reached = highest[-1][1] if steps else solved(start.vector)
+    x = reached.sizes.vector
     climbed, stretch = in_proportion(rows, columns, reached, nuisances)
     found = solved(x)
-    value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(
-        found, columns, nuisances, prior.cut)
+    value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(found, columns)
     return replace(found, log_evidence=float(value), arrow=None)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, joined, safe
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.regression import Point
 
@@ -121,22 +121,20 @@ def through_impedance(point: Point, rows: Rows, q: ComplexArray, spread: FloatAr
     return slope, information
 
 
-def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns],
-          cut: float = SizePrior.cut) -> FloatArray:
+def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
     """Return the log Bayes factor of each set of columns added, at the sizes of `found`."""
     result = np.empty(len(candidates))
     for score in scores(rows, columns, found, candidates):
         lower = np.stack([candidates[i].lower / candidates[i].spread for i in score.at])
-        result[list(score.at)] = log_factors(score, lower, cut)
+        result[list(score.at)] = log_factors(score, lower)
     return result
 
 
-def log_factors(score: Score, lower: FloatArray, cut: float) -> FloatArray:
-    """Return the log Bayes factors of sets of columns above their physical bounds, or within the prior's end."""
+def log_factors(score: Score, lower: FloatArray) -> FloatArray:
+    """Return the log Bayes factors of sets of columns above their physical bounds."""
     b, P = score.slope, score.information + np.eye(score.slope.shape[1])
     inverse = np.linalg.inv(P)
     mean = np.einsum("sij,sj->si", inverse, b)
     deviation = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-    within = np.where(lower > -cut, log_ndtr((mean - lower) / deviation) - log_ndtr(-lower),
-                      log_ndtr((cut - np.abs(mean)) / deviation))
+    within = log_ndtr((mean - lower) / deviation) - log_ndtr(-lower)
     return np.asarray(0.5 * np.sum(mean * b, axis=1) - 0.5 * np.linalg.slogdet(P)[1] + within.sum(axis=1))

@@ -218,7 +218,7 @@ def promise(problem: EquationError, parent: Candidate, columns: Columns, free: S
     """
     stated = solve(problem.rows, columns, replace(parent.posterior.sizes, tolerance=0.0))
     best: dict[Key, tuple[float, Term]] = {}
-    for value, term in zip(gains(problem.rows, columns, stated, [t.columns for t in free], rules.sizes.cut), free):
+    for value, term in zip(gains(problem.rows, columns, stated, [t.columns for t in free]), free):
         odds = float(value) + log_prior(term, rules)
         if np.isfinite(value) and (term.key not in best or odds > best[term.key][0]):
             best[term.key] = odds, term

@@ -73,7 +73,7 @@ class Theory:
         return Theory(self.scale, self.optimum - lost.T @ (inverse @ known), self.covariance - lost.T @ inverse @ lost,
                       self.evidence + float(change))
 
-    def beside(self, added: Added, q: FloatArray, cut: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def beside(self, added: Added, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return of each term beside the fit the log evidence, its strengths, and what the optimum moves for each.
 
         Shapes (terms,), (terms, strengths) and (unknowns, terms strengths).
@@ -87,7 +87,7 @@ class Theory:
         values, vectors = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), information, 0.0))
         information = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
         strengths = np.maximum(np.linalg.solve(information + np.eye(k), slope[:, :, None])[:, :, 0], added.lower)
-        gain = log_factors(Score(added.score.at, slope, information), added.lower, cut)
+        gain = log_factors(Score(added.score.at, slope, information), added.lower)
         return np.where(told, self.evidence + gain, -np.inf), strengths, moved
 
     def moved_by(self, strengths: FloatArray, moved: FloatArray) -> FloatArray:
