@@ -99,15 +99,21 @@ def lagrange(nodes: FloatArray, at: ArrayLike) -> FloatArray:
     return np.asarray(np.prod(above, axis=-1) / np.prod(below, axis=-1))
 
 
-def reached(matrices: Iterable[FloatArray], first: Sequence[int], least: float) -> list[int]:
-    """Return the rows that coupling matrices (n, n), not negative, join to the first ones, step by step, in order.
+def couples(inertia: FloatArray, others: Iterable[tuple[FloatArray | None, float | FloatArray]], least: float,
+            noise: float = 1e-3) -> NDArray[np.bool_]:
+    """Return whether a body's matrices couple two motions by `least` of the geometric mean of both diagonals, (n, n).
 
-    `least` is the coupling from which on, of the geometric mean of both diagonals.
+    Each of the others comes with what inertias are multiplied by to be like it: frequencies or their squares, one or
+    (n,). Its diagonal counts as a share `noise` of that at least: that of a motion that does not radiate, or that
+    nothing restores, is rounding.
     """
-    joined: Any = None
-    for matrix in matrices:
-        size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
-        found = np.eye(len(matrix), dtype=bool) | ((matrix > least * size) & (matrix > 0.0))
-        joined = found if joined is None else joined | found
-    whole = np.linalg.matrix_power((joined | joined.T).astype(int), len(joined))
+    own = inertia.diagonal()
+    sizes = [(np.abs(m), np.maximum(np.abs(m.diagonal()), noise * own * scale)) for m, scale in others if m is not None]
+    linked = [m > least * np.sqrt(np.outer(size, size)) for m, size in ((np.abs(inertia), own), *sizes)]
+    return np.asarray(np.any(linked, axis=0) | np.any(linked, axis=0).T)
+
+
+def reached(linked: NDArray[np.bool_], first: Sequence[int]) -> list[int]:
+    """Return the rows that links (n, n) join to the first ones, step by step, and those, in order."""
+    whole = np.linalg.matrix_power(np.asarray(linked | np.eye(len(linked), dtype=bool), dtype=int), len(linked))
     return [int(i) for i in np.flatnonzero(whole[list(first)].any(axis=0))]

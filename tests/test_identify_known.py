@@ -323,6 +323,9 @@ def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
     diagonal = Model(model.dofs, np.diag([50.0, 4.0]), np.diag([20.0, 1.0]), np.diag([100.0, 30.0]),
                      RadiationFit(model.dofs, np.diag([-1.0, -2.0]), np.eye(2), np.eye(2), order=1))
     assert uncoupled(diagonal) == [[0], [1]]
+    both = np.ones((2, 2))      # rounding, where nothing restores the one and only the other radiates
+    heave = RadiationFit(model.dofs, [[-1.0]], [[1e-9, 1.0]], [[1e-9], [1.0]], order=1)
+    assert uncoupled(diagonal.replace(C=np.diag([0.0, 30.0]) + 1e-12 * both, D=1e-12 * both, fit=heave)) == [[0], [1]]
     part = form.part([1])
     np.testing.assert_allclose(part.K(theta, at)[:, 0, 0], form.K(theta, at)[:, 1, 1])
     assert part.involved.sum() == 4

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, positive, reached, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, couples, positive, reached, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.methods import Shown, later
 
@@ -197,11 +197,9 @@ class HydroData(Shown):
         >>> data.coupled(data.dofs[:1])
         ('Heave',)
         """
-        inertia = np.abs((self.A if self.M is None else self.A + self.M).mean(axis=0))
-        omega, least_of = float(np.mean(self.omega)), np.diag(noise * inertia.diagonal())
+        inertia, omega = (self.A if self.M is None else self.A + self.M).mean(axis=0), float(np.mean(self.omega))
         others = ((self.B.mean(axis=0), omega), (self.D, omega), (self.C, omega**2))
-        matrices = [inertia, *(np.maximum(np.abs(m), scale * least_of) for m, scale in others if m is not None)]
-        return tuple(self.dofs[i] for i in reached(matrices, [self.index(dof) for dof in dofs], least))
+        return tuple(self.dofs[i] for i in reached(couples(inertia, others, least, noise), [*map(self.index, dofs)]))
 
     def times(self, length: float) -> HydroData:
         """Return the data of a prismatic body of this length [m] from data per unit length (strip of a section).

@@ -16,6 +16,7 @@ from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.simulation.start import coupled
 
 
 @dataclass(frozen=True)
@@ -214,9 +215,4 @@ def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, 
 
 def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:
     """Return groups of degrees of freedom that are not coupled by `least` of the geometric mean of the diagonal."""
-    gain = np.abs(model.fit.frequency_response(np.abs(np.linalg.eigvals(model.fit.a)) + 1e-9)).max(axis=0)
-    linked = np.zeros((model.n, model.n), dtype=bool)
-    for matrix in (np.abs(model.M + model.A_inf), np.abs(model.C), np.abs(model.D), gain):
-        size = np.sqrt(np.diag(matrix))
-        linked |= matrix > least * np.maximum(np.outer(size, size), 1e-300)
-    return [group.tolist() for group in connected(linked)]
+    return [group.tolist() for group in connected(coupled(model, least))]

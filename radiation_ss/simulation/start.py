@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from radiation_ss.arrays import FloatArray, reached
+from radiation_ss.arrays import FloatArray, couples, reached
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Scales
 from radiation_ss.effects.definition import Active, vector_of
@@ -49,10 +50,14 @@ def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3)
 
 def seen_in(model: Model, prepared: Prepared, least: float = 1e-4) -> list[int]:
     """Return the degrees of freedom that a record reads, and those coupled to them by `least` of both diagonals."""
-    omega = [natural_frequency(model, i) for i in range(model.n)]
-    memory = np.abs(model.fit.frequency_response(omega)).max(axis=0)
-    matrices = [np.abs(model.M + model.A_inf), np.abs(model.C), memory, np.abs(model.D)]
-    return reached(matrices, sorted({c.dof for c in prepared.channels}), least) or list(range(model.n))
+    return reached(coupled(model, least), sorted({c.dof for c in prepared.channels})) or list(range(model.n))
+
+
+def coupled(model: Model, least: float) -> NDArray[np.bool_]:
+    """Return which motions a model couples by `least` of the geometric mean of both diagonals, (n, n)."""
+    omega = np.array([natural_frequency(model, i) for i in range(model.n)])
+    memory = np.abs(model.fit.frequency_response([*omega, *np.abs(np.linalg.eigvals(model.fit.a))])).max(axis=0)
+    return couples(model.M + model.A_inf, ((memory, omega), (model.D, omega), (model.C, omega**2)), least)
 
 
 def motion_size(model: Model, prepared: Prepared, dof: int) -> tuple[float, float]:
