@@ -166,6 +166,12 @@ def test_bad_effects_are_refused_with_a_clear_word():
         activate([("quadratic_drag", {"c": 1.0})], ["Heave"])
     with pytest.raises(InputError, match="not among"):
         activate([("quadratic_drag", "Roll", {"coefficient": 1.0})], ["Heave"])
+    for wrong in (3, ["quadratic_drag"], {"quadratic_drag": {"coefficient": 1.0}}):
+        with pytest.raises(InputError, match=r"effects: .*write"):
+            activate(wrong, ["Heave"])
+    with pytest.raises(InputError, match=r"no number with width = sharpness = 0.*give width \[X/s\]"):
+        activate(("coulomb_friction", {"force": 1.0}), ["Heave"])        # F v / sqrt(v^2 + width^2) at rest is 0 / 0
+    assert activate(None, ["Heave"]) == () == activate([], ["Heave"])
 
 
 def test_a_saturated_force_stays_at_its_limit():

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from math import isfinite
 from typing import Any
 
-from radiation_ss.effects.definition import Active, Effect, Parameter, Scales, Slab, slab
+import numpy as np
+
+from radiation_ss.arrays import listed
+from radiation_ss.effects.acting import acting
+from radiation_ss.effects.definition import (
+    Active,
+    Effect,
+    Parameter,
+    Scales,
+    Slab,
+    in_harmonic_motion,
+    named,
+    numeric,
+    slab,
+)
 from radiation_ss.errors import InputError
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
-    "definition": "named numeric",
     "further": "fractional",
     "hull": "hull_restoring station",
     "mooring": "catenary Line",
     "nominal": "tolerances",
 })
-__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "optional",
-           "register_effect", "slab", *_later]
+__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "named", "numeric",
+           "optional", "register_effect", "slab", *_later]
 
 
 @cache
@@ -78,25 +91,25 @@ def activated(effects: Any, model: Any) -> tuple[Active, ...]:
     return activate(effects.actives(model) if hasattr(effects, "actives") else effects, model.dofs)
 
 
-def activate(effects: Iterable[Any], dofs: Sequence[str]) -> tuple[Active, ...]:
+def activate(effects: Any, dofs: Sequence[str]) -> tuple[Active, ...]:
     """Turn what a user writes into active effects.
 
     Parameters
     ----------
     effects : iterable of Active, or of (name, dof, {parameter: value}) tuples, or of mappings with the keys name, dof
-        and parameters (as in corrected.json); or one of them
+        and parameters (as in corrected.json); or one of them; None for none
     dofs : sequence of str
         The model's degrees of freedom; the dof may be left out where there is only one.
     """
-    one = isinstance(effects, str | Mapping | Active) or (
+    one = isinstance(effects, Mapping) or (
         isinstance(effects, tuple) and len(effects) > 1 and isinstance(effects[0], str))
     return tuple(item if isinstance(item, Active) else _activate(item, tuple(dofs))
-                 for item in ([effects] if one else effects))
+                 for item in ([effects] if one else () if effects is None else listed(effects)))
 
 
 def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
-    if not isinstance(item, Mapping) and (not isinstance(item, (list, tuple)) or not item
-                                          or not isinstance(item[-1], Mapping)):
+    if not ("name" in item if isinstance(item, Mapping) else
+            isinstance(item, list | tuple) and item and isinstance(item[-1], Mapping)):
         raise InputError(f"effects: {item!r}; write (name, dof, {{parameter: value}})")
     if isinstance(item, Mapping):
         name, dof, values = item["name"], item.get("dof") or "", dict(item.get("parameters", {}))
@@ -126,4 +139,19 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
     wrong = [key for key, value in numbers.items() if not isfinite(value)]
     if wrong:
         raise InputError(f"effect {name}: {wrong[0]} is {numbers[wrong[0]]}; a finite number is needed")
-    return Active(effect, dof, numbers, other)
+    active = Active(effect, dof, numbers, other)
+    absent = [key for key, p in effect.parameters.items() if not p.strength and not numbers.get(key)]
+    if absent and not _is_a_number(active, dofs):
+        raise InputError(f"effect {name}: its force is no number with {' = '.join(absent)} = 0, as what is not given; "
+                         f"give {', '.join(f'{key} [{effect.parameters[key].unit}]' for key in absent)}")
+    return active
+
+
+def _is_a_number(active: Active, dofs: tuple[str, ...]) -> bool:
+    """Return whether an effect's force, and the rates of its own states, are finite in a motion of size one."""
+    effect, one = active.effect, np.ones(1)
+    sizes = Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, elevation=1.0, orbital=1.0, speed=1.0)
+    signals, values = [in_harmonic_motion(effect, sizes, one)] * len(dofs), named(effect, [*np.array(active.vector)])
+    with np.errstate(all="ignore"):
+        forces, rates = acting(active, signals, dofs, values, [one] * effect.states)
+    return all(np.isfinite(numeric(value)).all() for value in (*rates, *(force for _, force in forces)))

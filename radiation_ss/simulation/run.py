@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @accepting(model=as_model, record_or_force=as_record_or_force)
-def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Iterable[Any] = (), *,
+def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike], effects: Any = (), *,
              start: ArrayLike | Mapping[str, float] | None = None, step: float | None = None) -> ct.TimeResponseData:
     """Simulate the model with effects.
 
@@ -43,7 +43,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         starts at rest. A decay whose record begins before the release starts there; until then the body stays where
         it is held.
         Or times (nt,) [s] and the exciting force (n, nt) [N, N m]; the body then starts at rest.
-    effects : iterable
+    effects : iterable, optional
         Active effects, (name, dof, {parameter: value}) tuples, or rows of corrected.json; or a diagnosis's `corrected`.
     start : mapping of dof to number, or array_like of shape (m + 2 n,), optional
         Displacements at the first sample [m, rad], at rest; or its state: radiation states, displacements, velocities.
