@@ -369,6 +369,16 @@ def test_options_that_make_no_sense_are_refused(tmp_path):
         rss.read_hydro(path, density=1025.0)
 
 
+def test_a_folder_of_no_run_is_told_which_of_its_files_can_be_read(tmp_path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "readme.txt").write_text("no coefficients")
+    with pytest.raises(rss.InputError, match=r"no run of NEMOH \(Nemoh.cal\), HAMS .* or HydroStar .* are files$"):
+        rss.read_hydro(tmp_path / "empty")
+    path = samples.wamit(samples.body_data(), tmp_path)
+    with pytest.raises(rss.InputError, match=f"give one of its files: {path.stem}\\.1, {path.stem}\\.3"):
+        rss.read_hydro(path.parent)
+
+
 def test_wamit_without_density_says_so(tmp_path, caplog):
     got = rss.read_hydro(samples.wamit(samples.body_data(), tmp_path))
     assert got.rho == 1000.0 and "do not carry the density" in caplog.text

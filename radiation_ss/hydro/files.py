@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
+HAMS, HYDROSTAR = "Input/ControlFile.in", "AddedMass_11.rao"  # what tells their folders
 OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
 
 
@@ -74,6 +75,10 @@ def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho:
         raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
     known = sorted(set(FORMATS.values()))
     name = format or _told_from(path)
+    if path.is_dir() and not name:
+        files = sorted(file.name for file in path.iterdir() if file.is_file() and _told_from(file))
+        raise InputError(f"{path}: a folder with no run of NEMOH (Nemoh.cal), HAMS ({HAMS}) or HydroStar ({HYDROSTAR})"
+                         + (f"; give one of its files: {', '.join(files)}" if files else "; other programs' are files"))
     if path.name.lower().endswith((".csv", ".csv.gz", ".parquet")) and not format:
         raise InputError(f"{path}: a record by its name, and coefficients are needed; of commands the model comes "
                          "first, then the records; a table of coefficients becomes a model's file by "
@@ -96,8 +101,9 @@ def _reader(name: str) -> Any:
 def _told_from(path: Path) -> str | None:
     """Return the format of a file by its name, of a folder by what lies in it."""
     if path.is_dir():
-        hams, hydrostar = path / "Input" / "ControlFile.in", path / "AddedMass_11.rao"
-        return "hams" if hams.is_file() else "hydrostar" if hydrostar.is_file() else "nemoh"
+        found = {"hams": (path / HAMS).is_file(), "hydrostar": (path / HYDROSTAR).is_file(),
+                 "nemoh": _reader("nemoh").is_run(path)}
+        return next((name for name, there in found.items() if there), None)
     name = FORMATS.get(path.suffix.lower())
     return "hams" if name == "wamit" and _reader("wamit").is_wamit_form(path.absolute()) else name
 

@@ -65,6 +65,11 @@ def read(path: Path, **given: float) -> HydroData:
     return assemble(folder, omega, A, B, case.dofs, points=case.points, notes=notes, **stated, **fields)
 
 
+def is_run(folder: Path) -> bool:
+    """Return whether a folder holds files of a NEMOH run."""
+    return any(_find(folder, name) for name in ("Nemoh.cal", "RadiationCoefficients.tec"))
+
+
 def _find(folder: Path, name: str) -> Path | None:
     """Return the path of a file of the run, whatever the case of its letters."""
     try:
