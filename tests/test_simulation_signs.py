@@ -135,13 +135,12 @@ def test_a_free_decay_of_coupled_motions_tells_a_turned_sign_degrees_and_an_exch
             check_units(model, [record])
 
 
-@pytest.fixture(scope="module")
-def coupled():
+def driven(heave, pitch):
     """Return a model of heave and pitch and a record in its truth: by the impedance, with a pitch 15 % stiffer."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 120.0, 0.05)
     M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.array([[3e4, -1500.0], [-1500.0, 1.5e4]]), [900.0, 400.0]
     omega = np.linspace(1.5, 9.0, 80)
-    F = np.array([[400.0], [150.0]]) * rng.standard_normal((2, 80)) * np.exp(2j * np.pi * rng.random((2, 80)))
+    F = np.array([[heave], [pitch]]) * rng.standard_normal((2, 80)) * np.exp(2j * np.pi * rng.random((2, 80)))
     Z = C * [[1.0, 1.0], [1.0, 1.15]] - omega[:, None, None] ** 2 * M + 1j * omega[:, None, None] * np.diag(D)
     motion = np.linalg.solve(Z, F.T[:, :, None])[..., 0].T
     x, f = ((part @ np.exp(1j * np.outer(omega, time))).real for part in (motion, F))
@@ -149,6 +148,11 @@ def coupled():
     channels = {"Heave": x[0], "Pitch": x[1], "Heave_force": f[0], "Pitch_force": f[1]}
     return (rss.Model(("Heave", "Pitch"), M, np.zeros((2, 2)), C, rigid, D=np.diag(D)),
             rss.Record(time, channels, kind="forced"))
+
+
+@pytest.fixture(scope="module")
+def coupled():
+    return driven(400.0, 150.0)
 
 
 @pytest.mark.parametrize("changed, said", [
@@ -169,6 +173,14 @@ def test_columns_that_fit_the_model_when_read_in_another_way_are_told(coupled, c
     except InputError as error:
         text = str(error)
     assert re.search(said, text) if said else not text
+
+
+def test_a_force_in_the_column_of_one_that_is_zero_is_told():
+    model, record = driven(400.0, 0.0)
+    assert not record.channels["Pitch_force"].any() and doubts(model, record) == ()
+    forces = {"Heave_force": record.channels["Pitch_force"], "Pitch_force": record.channels["Heave_force"]}
+    (said,) = doubts(model, record.with_channels(**forces))
+    assert "Heave_force and Pitch_force exchanged" in said
 
 
 def test_waves_that_are_called_a_decay_are_doubted(coupled):

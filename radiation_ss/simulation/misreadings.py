@@ -71,7 +71,7 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     known = [i for i in range(model.n) if F[i].any()]
     found = [(_left(model, w, reading.motion @ x, reading.force @ F,
                     (reading.motion if free else reading.force) @ acts != 0.0, rules), reading)
-             for reading in _readings(model, known, inputs is not None and inputs[2] is not None)]
+             for reading in _readings(model, record, known, inputs is not None and inputs[2] is not None)]
     best = min(left for left, _ in found)
     if best > rules.fits or as_given < rules.times * best:
         return None
@@ -92,8 +92,9 @@ def _motions(model: Model, record: Record) -> tuple[FloatArray, ComplexArray]:
     return w, x
 
 
-def _readings(model: Model, known: list[int], waves: bool) -> Iterator[Reading]:
-    """Yield what a record may mean; of one in `waves` the force is the model's own."""
+def _readings(model: Model, record: Record, known: list[int], waves: bool) -> Iterator[Reading]:
+    """Yield what a record may mean, with forces `known` and not zero; of one in `waves` they are the model's own."""
+    there = {i for i, dof in enumerate(model.dofs) if f"{dof}_force" in record.channels}
     eye = np.eye(model.n)
     turns = [eye - 2.0 * np.outer(row, row) for row in eye]
     for i, dof in enumerate(model.dofs):
@@ -106,7 +107,7 @@ def _readings(model: Model, known: list[int], waves: bool) -> Iterator[Reading]:
         swap[[i, j]] = eye[[j, i]]
         one, other = model.dofs[i], model.dofs[j]
         yield Reading("order", (one, other), f"{one} and {other} exchanged", swap, eye)
-        if not waves and {i, j} <= {*known}:
+        if not waves and {i, j} <= there and {i, j} & {*known}:
             forced = f"{one}_force", f"{other}_force"
             yield Reading("order", forced, f"{forced[0]} and {forced[1]} exchanged", eye, swap)
             yield Reading("order", (one, other), f"{one} and {other} exchanged, with their forces", swap, swap)
