@@ -27,9 +27,12 @@ def test_the_fit_handed_on_is_moved_no_further_than_it_has_to_be():
     form = parametrise(model.fit, model.A_inf, 0.15)
     theta = form.theta(np.random.default_rng(1).standard_normal((300, form.active.size)))
     bad = theta[~passive(form, theta)][0]
-    moved, said = nearest_passive(form, bad, theta)
+    moved, said = nearest_passive(form, bad, theta, matters=0.0)
     assert form.realise(moved).passive and "negative damping" in said and "handed on is passive" in said
     assert not form.realise(bad + 0.99 * (moved - bad)).passive
+    assert np.abs((moved - bad) / theta.std(axis=0)).max() < 0.5      # too small a move to be said by default
+    quiet, nothing = nearest_passive(form, bad, theta)
+    assert nothing == "" and np.array_equal(quiet, moved)
     good = theta[passive(form, theta)][0]
     same, said = nearest_passive(form, good, theta)
     assert said == "" and same is good

@@ -52,10 +52,12 @@ def positive_definite(matrices: FloatArray) -> np.ndarray:
     return good
 
 
-def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> tuple[FloatArray, str]:
-    """Return theta, moved as little as needed to be passive (certified), and what was done ("" if nothing).
+def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
+                    matters: float = 0.5) -> tuple[FloatArray, str]:
+    """Return theta, moved as little as needed to be passive (certified), and what was done, "" if nothing that matters.
 
     On the way to the nearest passive draw, in standard deviations of the draws (S, d); without any, to the prior mean.
+    A move of less than `matters` of these deviations says nothing of model or records.
     """
     certificate = form.realise(theta).certificate
     if certificate.passive:
@@ -72,6 +74,8 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray)
         inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
         low, high = (low, middle) if inside else (middle, high)
     moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
+    if np.abs((moved - theta) / spread).max() < matters:
+        return moved, ""
     K = form.K(theta, omega)
     change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
     return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
