@@ -104,17 +104,20 @@ def describe_sea(seas: Seas, families: dict[str, float]) -> dict[str, Any]:
             "families": families, "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 
-def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, points: int = 400) -> ForceSpectra:
-    """Return the spectra of one draw on the smoother's grid."""
+def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: float = 6.0,
+                points: int = 600) -> ForceSpectra:
+    """Return the spectra of one draw on the smoother's grid, up to `top` times the motion's median frequency.
+
+    Beyond the bins that are used the sea is as its family goes on: the force may have much of its power there, where a
+    free body hardly moves.
+    """
     channels = part.channels
-    omega = np.linspace(0.0, 1.6 * part.rules.highest * channels.frequency, points + 1)
+    omega = np.linspace(0.0, min(top * channels.frequency, np.pi / channels.dt), points + 1)
     w = np.maximum(omega, omega[1])
     X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, part.form, w)[0])
     factors = (1j * w[:, None]) ** channels.derivative / channels.rms
-    low, high = (float(f(f(item.omega[[0, -1]]) for item in part.coefficients)) for f in (min, max))
-    # Beyond the bins that are used the sea is not known to be there.
-    sea = part.sea.density(v, omega) * np.exp(-np.maximum(np.maximum(low - omega, omega - high), 0.0) * 20.0 / low)
-    return ForceSpectra(omega, X, motion[:, channels.dof] * factors, sea, part.noise(v), part.unexplained(v))
+    return ForceSpectra(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v),
+                        part.unexplained(v))
 
 
 def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]],
