@@ -77,6 +77,22 @@ def test_drag_is_named_with_its_size(drag):
     assert any("N s^2/m^2 (p" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize("friction", [0.2, 0.4])
+def test_dry_friction_is_named_with_its_size(friction):
+    """Without it in the list, a negative drag or a cubic stiffness was asked for."""
+    body, time, rng = tank(), 0.05 * np.arange(300), np.random.default_rng(7)
+    F, G = body.matrices()
+    start = np.zeros(F.shape[0])
+    start[-2] = 0.03
+    heave = solve_ivp(lambda t, x: F @ x - G[:, 0] * friction * np.tanh(x[-1] / 1e-3), time[[0, -1]], start,
+                      t_eval=time, rtol=1e-7, atol=1e-9, method="LSODA").y[-2]
+    record = Record(time, {"Heave": heave + 1e-4 * rng.standard_normal(time.size)}, kind="decay")
+    found = identify(body, record, "prediction-error", omega=BAND, draws=50)
+    (said,) = [text for text in found.warnings if "does not look linear" in text]
+    assert "dry friction [Heave]" in said
+    assert found.baseline["nonlinearity_test"]["dry friction [Heave]"]["estimate"] == pytest.approx(friction, rel=0.2)
+
+
 @pytest.mark.parametrize("drag", [0.0, 400.0, 800.0])
 def test_drag_is_named_by_the_elevation_too(drag):
     """The truth is an integration by scipy under the sum of |X| a cos(w t); the model's X is a tenth too large."""

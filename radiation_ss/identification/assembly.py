@@ -163,7 +163,7 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
         if abs(row["mean"]) > rules.doubt * row["std"]:
             yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                    f"({what[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it")
-    far = [f"{name} by {row['moved']:+.1f}" for name, row in parameters.items()
+    far = [f"{name} by {row['moved']:+.2g}" for name, row in parameters.items()
            if abs(row["moved"]) > rules.contradiction]
     if far:
         yield (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "

@@ -2,8 +2,8 @@
 
 A fit of a linear model puts most of a quadratic drag, or of a stiffness that changes with displacement, down to other
 parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier) tests
-ask instead for the one shape that the departure would have, with all other parameters free: -c v|v| and -c x^3, with x
-and v as the model's own filter has them. What is asked for is named, and taken out of A and B.
+ask instead for the one shape that the departure would have, with all other parameters free: -c v|v|, -c v/|v| and
+-c x^3, with x and v as the model's own filter has them. What is asked for is named, and taken out of A and B.
 """
 
 from __future__ import annotations
@@ -26,13 +26,17 @@ from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
-UNITS = {"quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3")}
+UNITS = {"quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
+         "dry friction": ("N", "N m")}
 
 TAKEN_OUT = "it is taken out of A and B as far as the records tell it from them"
 
 
-def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
-    """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale."""
+def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1) -> list[Law]:
+    """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
+
+    Friction is rounded below the share `onset` of the velocity's rms.
+    """
     channels, out = part.channels, list[Law]()
     if not np.isfinite(channels.y).all():
         return out
@@ -49,6 +53,7 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
         else:
             continue
         shapes["quadratic drag"] = velocity * np.abs(velocity)
+        shapes["dry friction"] = velocity / np.hypot(velocity, onset * velocity.std())
         for kind, shape in shapes.items():
             coefficient = float(part.force_scale[j]) / float(np.abs(shape).max())
             force = np.zeros_like(part.force)
@@ -60,7 +65,7 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray) -> list[Law]:
 def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
     """Return, for each law, the one-step estimate of its coefficient with standard deviation, statistic and p.
 
-    Coefficients of -c v|v| and -c x^3 in SI units, shared by all records that carry displacement or velocity.
+    Coefficients of the laws in SI units, shared by all records that carry displacement or velocity.
     """
     gradient, u = target.local(peak.phi)[1], peak.phi[:target.n_u]
     found: dict[str, list[tuple[float, float, FloatArray]]] = {}
