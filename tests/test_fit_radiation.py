@@ -100,6 +100,14 @@ def test_points_of_a_matrix_hold_exactly():
     assert fit.passive and np.abs(fit.frequency_response(0.0)).max() < 1e-12 * np.abs(data.K).max()
 
 
+@pytest.mark.parametrize("points, said", [({7.0: 1.0}, "frequencies, as"), ("abc", "not an array of numbers"),
+                                          ([[4.0, 5.0]], "shape"), ([99.0], "outside the data")])
+def test_points_that_are_no_frequencies_of_the_data_are_refused(points, said):
+    data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 22.0, 20)).select("Heave")
+    with pytest.raises(rss.InputError, match=f"points: .*{said}"):
+        rss.fit_radiation(data, 3, points=points)
+
+
 def test_points_that_cost_the_fit_are_warned_of_and_make_no_feedthrough():
     section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 30)).select(("Sway", "Roll"))
     with pytest.warns(InputWarning, match="more states than order 3"):

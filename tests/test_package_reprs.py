@@ -5,6 +5,7 @@ import pytest
 from fit_systems import data_of, random_passive
 
 import radiation_ss as rss
+from radiation_ss.filter import UncertainPlant
 from radiation_ss.page import brief
 
 TIME = np.arange(0.0, 12.0, 0.05)
@@ -20,6 +21,7 @@ def results():
     motion = rss.simulate(model, (TIME, np.zeros((1, TIME.size))), [drag], start=np.r_[0.0, 0.0, 0.0, 0.04, 0.0])
     noise = 1e-4 * np.random.default_rng(0).standard_normal(TIME.size)
     record = rss.Record(TIME, {"Heave": motion.outputs[0] + noise}, kind="decay")
+    own = UncertainPlant(lambda p: model.replace(M=[[p["mass"]]]), {"mass": (float(model.M[0, 0]), 0.1)})
     found = rss.diagnose(model, [record], effects=["quadratic_drag", "coulomb_friction"])
     return {
         "HydroData": data, "RadiationFit": model.fit, "Model": model, "Record": record, "Diagnosis": found,
@@ -27,6 +29,7 @@ def results():
         "QualityReport": data.check(), "Audit": rss.audit(model.fit, data), "Sampled": rss.sampled(model.fit, 0.05),
         "ExcitationFit": rss.fit_excitation(data, data.directions[0], states=4),
         "Spectrum": rss.jonswap(0.1, 1.2), "Sea": rss.realise(rss.jonswap(0.1, 1.2), 20.0, 0.1, seed=0),
+        "Estimate": rss.DualEnKF(model, seed=0).run(record), "PlantEstimate": rss.DualEnKF(own, seed=0).run(record),
         "Budget": found.budget, "Corrected": found.corrected,
         "Isolability": rss.isolability(model, record, effects=["quadratic_drag", "coulomb_friction"]),
         "TestPlan": rss.plan_tests(model, amplitude=0.04, tests=("decay",),
@@ -35,7 +38,7 @@ def results():
 
 @pytest.mark.parametrize("name", ["HydroData", "RadiationFit", "Model", "Record", "Diagnosis", "Identification",
                                   "QualityReport", "TestPlan", "Audit", "Sampled", "Budget", "Corrected",
-                                  "Isolability", "ExcitationFit", "Spectrum", "Sea"])
+                                  "Isolability", "ExcitationFit", "Spectrum", "Sea", "Estimate", "PlantEstimate"])
 def test_reprs_are_short(results, name):
     item = results[name]
     lines = repr(item).splitlines()

@@ -20,7 +20,7 @@ from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter import estimate
-from radiation_ss.filter.estimate import Band, ParameterEstimate
+from radiation_ss.filter.estimate import Band, ParameterEstimate, Tabled
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
@@ -109,8 +109,8 @@ class UncertainPlant:
         return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
 
 
-@dataclass(frozen=True, eq=False)
-class PlantEstimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlantEstimate(Tabled):
     """What `DualEnKF.run` returns for an `UncertainPlant`."""
 
     plant: UncertainPlant
@@ -122,6 +122,11 @@ class PlantEstimate:
     used: np.ndarray  # (nt,): Channels used
     counts: dict[str, int]  # Samples refused
     warnings: tuple[str, ...]
+
+    @property
+    def dofs(self) -> tuple[str, ...]:
+        """Degrees of freedom."""
+        return self.plant.model(self.plant.start).dofs
 
     def plants(self, n: int) -> list[ct.StateSpace]:
         """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,7 +12,9 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import force_unit
 from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.methods import Shown
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -75,8 +78,33 @@ class ParameterEstimate(NamedTuple):
     upper: float
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+class Tabled(Shown):
+    """A result of the filter that is printed as its force, its parameters and its warnings."""
+
+    time: FloatArray  # (nt,) [s]
+    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
+    force: Band  # (n, nt): Wave excitation force [N, N m]
+    parameters: dict[str, ParameterEstimate]
+    warnings: tuple[str, ...]
+
+    @property
+    @abstractmethod
+    def dofs(self) -> tuple[str, ...]:
+        """Degrees of freedom."""
+
+    def __str__(self) -> str:
+        mean, half = self.force.mean, 0.5 * (self.force.upper - self.force.lower)
+        lines = [f"dual filter: {', '.join(self.dofs)}; {self.time.size} samples from {self.time[0]:g} to "
+                 f"{self.time[-1]:g} s, {self.members.shape[1]} members"]
+        lines += [f"  {dof}_force: rms {np.sqrt(np.mean(f**2)):.3g} {force_unit(dof)}, 95 % band +- {h.mean():.2g} on "
+                  "average" for dof, f, h in zip(self.dofs, mean, half)]
+        lines += [f"  {name} {p.mean:.5g} +- {p.std:.2g} (prior {p.prior_mean:.5g} +- {p.prior_std:.2g})"
+                  for name, p in self.parameters.items()]
+        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Tabled):
     """Result of a run."""
 
     model: Model  # The filter's start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.problem import Problem, joint_error, scales, symmetric
 from radiation_ss.fit.rational import frequency_response
@@ -202,7 +202,9 @@ def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: floa
 
 def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:
     """Return the frequency points, checked."""
-    wanted = np.unique(np.zeros(0) if points is None else np.atleast_1d(np.asarray(points, dtype=float)))
+    if isinstance(points, Mapping):
+        raise InputError("points: frequencies, as [7.0], are needed; K is met there as the data have it")
+    wanted = np.unique(read_only(np.atleast_1d([] if points is None else points), "points", (None,)))
     outside = ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))
     if outside.any():
         raise InputError(f"points: {wanted[outside][0]:g} rad/s lies outside the data "
