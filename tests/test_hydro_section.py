@@ -321,6 +321,17 @@ def test_a_file_error_names_file_and_line(tmp_path):
         rss.section_2d(tmp_path / "absent.txt", [1.0])
 
 
+def test_units_that_an_offsets_file_states_are_converted(tmp_path):
+    path = tmp_path / "hull.csv"
+    for head, y, z in (("y [mm],z [mm]", 1e3, 1e3), ("y (cm),z (mm)", 1e2, 1e3), ("y,z [mm]", 1e3, 1e3),
+                       ("frame (new)", 1, 1)):
+        path.write_text(f"{head}\n0,{-0.1 * z}\n{0.1 * y},{-0.1 * z}\n{0.1 * y},0\n")
+        assert read_section(path).area == pytest.approx(0.02)       # a box, 0.2 m wide and 0.1 m deep
+    path.write_text("y [yd],z [yd]\n0,-0.1\n0.1,-0.1\n0.1,0\n")
+    with pytest.raises(rss.InputError, match=r"line 1: the units of y and z in .* may be in m, cm, mm, ft, in"):
+        read_section(path)
+
+
 @settings(max_examples=80)
 @given(content=st.one_of(st.text(max_size=80), st.text(alphabet="0123456789.-,; \n#eyznaif", max_size=80)))
 def test_no_text_file_raises_anything_but_an_input_error(content, tmp_path_factory):

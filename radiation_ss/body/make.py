@@ -243,10 +243,11 @@ def _shared_out(total: float, M: float | None, A: float | None, C: float, said: 
 
 
 def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[str]:
-    """Yield a sentence for each motion whose numbers are those of a body far larger than the water of its mass.
+    """Yield a sentence for each motion whose numbers are those of a body far from the size of the water of its mass.
 
     In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,
-    is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3).
+    is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3), nor the depth less
+    than that share of it.
     """
     for i, dof in enumerate(p.dof):
         mass, C, inertia = p.of("mass", dof), float(model.C[i, i]), float((model.M + model.A_inf)[i, i])
@@ -254,7 +255,7 @@ def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[s
             continue
         side = (mass / p.rho) ** (1.0 / 3.0)
         water = f"and the mass is that of a cube of water of {side:.4g} m"
-        if mode(dof) == "Heave" and C > 0.0 and mass * p.g > most * side * C:
+        if mode(dof) == "Heave" and C > 0.0 and not 1.0 / most < mass * p.g / (side * C) < most:
             yield (f"{dof}: with stiffness {C:.4g} N/m the body is {mass * p.g / C:.4g} m deep, {water}; check mass "
                    "[kg], period [s] and C [N/m]")
         if mode(dof) in RESTORED and inertia > (most * side) ** 2 * mass:

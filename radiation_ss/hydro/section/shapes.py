@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,6 +17,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.readers.text import lines, number, row
 from radiation_ss.hydro.transforms import composite
+from radiation_ss.units import in_si, is_unit, understood
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,14 +250,21 @@ def points_section(points: ArrayLike, name: str = "points", corner: float = 25.0
 def read_section(path: str | Path) -> Section:
     """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
 
+    A unit that the header states in brackets, one of both columns or two, is converted.
+
     InputError naming file and line, if a line does not hold two numbers or the points are no section.
     """
     entries = [(k, entry) for k, line in enumerate(lines(Path(path))) if (entry := line.split("#", 1)[0].strip())]
     rows = [(k, " ".join(cell.strip() or "(empty)" for cell in entry.split("," if "," in entry else None)))
             for k, entry in entries]
-    if rows and number(rows[0][1].split()[0]) is None:
-        rows = rows[1:]
-    return points_section([row(Path(path), k, entry, 2, "y, z") for k, entry in rows], name=str(path))
+    head = rows.pop(0) if rows and number(rows[0][1].split()[0]) is None else (0, "")
+    stated = re.findall(r"\[([^\]]*)\]", head[1]) or list(filter(is_unit, re.findall(r"\(([^)]*)\)", head[1])))
+    metres = [factor for unit in stated if (factor := in_si(unit, "m"))]
+    if len(metres) < len(stated) or len(metres) > 2:
+        raise InputError(f"{path}, line {head[0] + 1}: the units of y and z in {head[1]!r} are not understood; they "
+                         f"may be in {understood('m')}")
+    points = np.array([row(Path(path), k, entry, 2, "y, z") for k, entry in rows])
+    return points_section(points * (metres or 1.0), name=str(path))
 
 
 def as_section(section: Section | ArrayLike | str | Path) -> Section:
