@@ -52,8 +52,12 @@ class Left:
 
 
 def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
-    """Return the frequency below which a force is slow against a motion: that of `slow_drift`, of this record's own."""
-    scales = replace(problem.scales[problem.model.dofs[i]], omega=float(run.omega[i]))
+    """Return the frequency below which a force is slow against a motion: that of `slow_drift`, of this record's own.
+
+    It is slow against the free motion, too: at a resonance the model's own errors look like forces.
+    """
+    known = problem.scales[problem.model.dofs[i]]
+    scales = replace(known, omega=min(float(run.omega[i]), known.natural or np.inf))
     return slab(effect_named(DRIFT), "frequency", scales).upper
 
 
