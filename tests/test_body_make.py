@@ -194,6 +194,8 @@ def test_a_tolerance_is_a_share(tolerance):
     ({"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 341.0, "added_mass": 0.0}, r"gyradius \[m\]"),
     ({"dof": "Heave", "mass": 993.0, "added_mass": 900.0, "period": 2200.0}, r"Heave: .* deep.*period \[s\]"),
     ({"dof": "Heave", "mass": 993.0, "added_mass": 900.0, "C": 3.0}, r"C \[N/m\]"),
+    ({"dof": "Heave", "mass": 0.993, "added_mass": 0.9, "C": 2e4}, r"Heave: .* deep.*mass \[kg\]"),      # in tonnes
+    ({"dof": "Heave", "mass": 4, "section": [(0.0, -0.1), (0.1, -0.1), (0.1, 0.0)], "length": 2.0}, "displaces 40 kg"),
 ])
 def test_numbers_of_a_body_of_another_size_are_named(numbers, words):
     with pytest.warns(InputWarning, match=words):

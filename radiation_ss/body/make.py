@@ -135,8 +135,12 @@ def _of_section(p: Particulars, section: Any, length: float, depth: float,
     omega = np.linspace(0.1, np.sqrt(8.0), 60) * np.sqrt(p.g / shape.half_breadth)
     data = section_2d(shape, omega, depth, rho=p.rho, g=p.g, centre_of_gravity=p.centre_of_gravity or 0.0)
     data = data.times(length).select(p.dof)
+    displaced = p.rho * shape.area * length
     if p.mass is None:
-        p = Particulars(**{**vars(p), "mass": p.rho * shape.area * length})
+        p = Particulars(**{**vars(p), "mass": displaced})
+    elif (mass := p.of("mass", p.dof[0])) is not None and abs(mass - displaced) > 0.2 * displaced:
+        warnings.warn(InputWarning(f"mass: {mass:.4g} kg, but the section displaces {displaced:.4g} kg, which floats "
+                                   "without lines; check mass [kg], offsets and length [m]"), stacklevel=4)
     if "Roll" in p.dof and p.centre_of_gravity is None and p.of("GM", "Roll") is None and p.of("C", "Roll") is None:
         raise InputError("GM, C or centre_of_gravity: needed for Roll")
     return p, data, fit_radiation(data)
