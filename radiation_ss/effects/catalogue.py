@@ -147,7 +147,7 @@ def effects() -> list[Effect]:
                {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
-        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.5, lower=-1.0)},
+        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
                lambda s, p: -p.share * s.memory, linear=True, common=True,
                summary="the radiation force is larger or smaller than computed, of one motion or of all by one share"),
     ]
@@ -170,7 +170,7 @@ def effects() -> list[Effect]:
         Effect("end_stop", stops(near), stopped, family="stiffness", rare=True,
                summary="stops on both sides of the stroke, with loss: -k (x beyond the gap) - b v there"),
         Effect("parametric_stiffness",
-               {"cosine": P("F/X", slab=0.2), "sine": P("F/X", slab=0.2),
+               {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),
                 "frequency": P("rad/s", 1, lambda s: 3.0 / s.duration, beats, lower=lambda s: 2.0 / s.duration)},
                lambda s, p: -(p.cosine * ca.cos(p.frequency * s.t) + p.sine * ca.sin(p.frequency * s.t)) * s.x,
                family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
@@ -284,7 +284,7 @@ def sensors() -> list[Effect]:
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
-        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.3 * s.x / s.second.x)},
+        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.1 * s.x / s.second.x)},
                output=lambda s, p: s.y + p.share * s.other.y, scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),
     ]
