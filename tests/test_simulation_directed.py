@@ -127,7 +127,7 @@ def test_an_optional_effect_is_known_by_name_only():
 def test_a_prior_knows_the_size_of_the_other_motion():
     small = Scales(x=0.1, v=0.1, a=0.2, u=1.0, force=3.0, omega=1.0, duration=40.0,
                    other=Scales(x=0.02, v=0.02, a=0.02, u=1.0, force=3.0, omega=1.0, duration=40.0))
-    assert slab(effect_named("cross_axis"), "share", small).sd == pytest.approx(0.05 * 0.1 / 0.02)
+    assert slab(effect_named("cross_axis"), "share", small).sd == pytest.approx(0.1 * 0.1 / 0.02)
     # One without a scale of its own: 0.12 of the restoring force where x times the other's x is of its typical size.
     product = Effect("product", {"k": Parameter("F/X/Y")}, lambda s, p: -p.k * s.x * s.other.x, scope="directed")
     rms = np.sqrt(1.5) * 0.1 * 0.02  # of 2 a b cos^2

@@ -11,7 +11,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
-from radiation_ss.errors import SolverError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.records.record import Record
@@ -171,7 +171,7 @@ class Predictor:
         self._starts: dict[int, FloatArray] = {}
 
     def __call__(self, actives: Sequence[Active], records: Sequence[Record]) -> list[Error] | None:
-        """Return the errors on several records; None if a prediction grows without bounds."""
+        """Return the errors on several records; None if a prediction grows without bounds, or needs too short steps."""
         found: list[Error] = []
         for record in records:
             key = (id(record), *((a.name, a.dof, a.other, *a.vector) for a in actives))
@@ -187,6 +187,10 @@ class Predictor:
         try:
             return errors_on(self.model, actives, record, self._starts)
         except SolverError:
+            return None
+        except InputError:
+            if not actives:
+                raise
             return None
 
     def _keep(self, key: tuple[Any, ...], errors: list[Error] | None) -> None:

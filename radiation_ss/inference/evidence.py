@@ -215,7 +215,10 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
-    first = Trajectories(found.problem, best, tolerance, unexplained=True)
+    try:
+        first = Trajectories(found.problem, best, tolerance, unexplained=True)
+    except InputError:  # steps too short to be made, by numbers that the equation error has found
+        return found
     weighing = Weighing(found, tolerance, Proposing(found.terms, rules, fit.promise, present), fit, first)
     proposed = [best, *(c for c in leaders.values() if c is not best)]
     ranked = climbed(weighing, [Proposal(c) for c in proposed], known)

@@ -9,7 +9,7 @@ from scipy.linalg import cho_solve, cholesky
 from scipy.optimize import minimize_scalar
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import SolverError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.score import Score, log_factors, products
@@ -188,7 +188,10 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     fallback = from_regression(problem, candidate, tolerance)
     if not any(run.force is not None and not run.prescribed for run in problem.runs):
         return fallback
-    trial = Trajectories(problem, candidate, tolerance).tolerating(0.0)
+    try:
+        trial = Trajectories(problem, candidate, tolerance).tolerating(0.0)
+    except InputError:  # steps too short to be made, by the candidate's numbers
+        return fallback
     starts = [trial.start(candidate.point), *([] if candidate.point is None else [trial.start()])]
     reached = lowest(trial, min(starts, key=trial.cost), rules)
     if reached is None:
