@@ -21,11 +21,11 @@ from radiation_ss.diagnosis.account import (
     predictable,
     retried,
 )
-from radiation_ss.diagnosis.left import DRIFT, Remainder, left_by, remainder, share_left, unit_of
+from radiation_ss.diagnosis.left import Remainder, left_by, remainder, share_left, unit_of
 from radiation_ss.diagnosis.prediction import Error, Predictor, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import Budget, Row
+from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active, effect_named, library
 from radiation_ss.effects.nominal import simulated_numbers
@@ -247,11 +247,10 @@ def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
         return HowFar(0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0), ())
     room = ledger.before**2 - ledger.noise**2
     # A slow force is explained, not predicted: it does not shrink the gap.
-    slow = sum(r.share for r in ledger.rows if r.cause == DRIFT)
     closed = sum(r.share for r in ledger.rows if r.cause not in ("unexplained", "noise", DRIFT))
     scale = ledger.before**2 / room if room > 0.1 * ledger.noise**2 and room > 0.0 else 0.0
     unexplained = next(r for r in ledger.rows if r.cause == "unexplained")
-    told = 1.0 - slow - next(r for r in ledger.rows if r.cause == "noise").share
+    told = 1.0 - ledger.slow - next(r for r in ledger.rows if r.cause == "noise").share
     interval = tuple(float((told - u) * scale) for u in (unexplained.interval[1], unexplained.interval[0]))
     retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
     return HowFar(ledger.before, retuned, ledger.after, ledger.noise,

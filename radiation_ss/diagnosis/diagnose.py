@@ -14,10 +14,10 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
 from radiation_ss.diagnosis.conclusion import concluded, contradiction
-from radiation_ss.diagnosis.left import DRIFT
 from radiation_ss.diagnosis.prediction import split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError

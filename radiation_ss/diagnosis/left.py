@@ -12,7 +12,7 @@ from radiation_ss.diagnosis.account import Data, Fitted, carried, recorded_noise
 from radiation_ss.diagnosis.prediction import cosines, energy, without_slow
 from radiation_ss.diagnosis.result import Named
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import Budget
+from radiation_ss.diagnosis.shares import DRIFT, Budget
 from radiation_ss.effects import effect_named
 from radiation_ss.effects.definition import slab
 from radiation_ss.inference.candidates import Candidate
@@ -22,8 +22,6 @@ from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise
 from radiation_ss.records.record import Record
-
-DRIFT = "slow_drift"
 
 
 @dataclass(frozen=True, eq=False)

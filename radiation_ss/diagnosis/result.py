@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiation_ss.diagnosis.prediction import Error
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import Budget
+from radiation_ss.diagnosis.shares import DRIFT, Budget
 from radiation_ss.diagnosis.where import Where
 from radiation_ss.methods import Shown, later
 from radiation_ss.page import with_error
@@ -269,10 +269,9 @@ def sentence(found: Diagnosis) -> str:
         told = within_tolerance(found)
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
-        slow = sum(row.share for row in found.budget.rows if row.cause == "slow_drift")
-        if any(e.name == "slow_drift" for e in v.effects):
-            told += (f"; {slow:.0%} of its energy is the slow force, which has a course of its own in each record and "
-                     "is explained, not predicted")
+        if any(e.name == DRIFT for e in v.effects):
+            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in each "
+                     "record and is explained, not predicted")
         if v.indistinguishable:
             zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
             told += f"; beside it a zero is off: {' or '.join(zeros)}"

@@ -15,6 +15,7 @@ from radiation_ss.diagnosis.prediction import Error, energy
 from radiation_ss.methods import Brief
 
 DRAWS = 400  # of the bootstrap
+DRIFT = "slow_drift"
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,11 @@ class Budget(Brief):
     def left(self) -> float:
         """Share of the gap's energy that stays beside all causes; more than 1 where they make it larger."""
         return 1.0 - sum(row.share for row in self.rows if row.cause not in ("offset", "unexplained", "noise"))
+
+    @property
+    def slow(self) -> float:
+        """Share of the gap's energy that slow forces explain."""
+        return sum(row.share for row in self.rows if row.cause == DRIFT)
 
     def closed_by(self, cause: str, dof: str) -> float:
         """Return how much of the motion a cause accounts for."""
