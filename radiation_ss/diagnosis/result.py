@@ -270,8 +270,8 @@ def sentence(found: Diagnosis) -> str:
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
         if any(e.name == DRIFT for e in v.effects):
-            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in each "
-                     "record and is explained, not predicted")
+            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
+                     "each record and is explained, not predicted")
         if v.indistinguishable:
             zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
             told += f"; beside it a zero is off: {' or '.join(zeros)}"
