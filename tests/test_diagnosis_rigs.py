@@ -108,3 +108,35 @@ def test_a_free_body_that_waves_carry_along_is_said_to_drift(speed, restored, to
     assert bool(said) is told
     for sentence in said:
         assert abs(float(sentence.split("drifts by ")[1].split()[0]) - 0.6) < 0.01
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-14, -1e-14])
+def test_rounding_of_a_stiffness_that_is_zero_is_no_stiffness(rounding):
+    """Panel programs write 1e-14 N/m for a submerged body: no natural period follows from that."""
+    time = np.arange(0.0, 60.0, 0.05)
+    model = rss.Model(("float__Heave", "ball__Heave"), np.diag([5.0, 4.0]), np.zeros((2, 2)),
+                      np.diag([200.0, rounding]), rss.RadiationFit(("float__Heave", "ball__Heave"), np.zeros((0, 0)),
+                                                                  np.zeros((0, 2)), np.zeros((2, 0)), 0))
+    assert "ball__Heave  M 4, A_inf 0 kg, C 0 N/m; no oscillation" in str(model)
+
+    def waves(seed):
+        rng = np.random.default_rng(seed)
+        omega, phase = rng.uniform(2.0, 8.0, 12), rng.uniform(0.0, 6.0, (2, 12))
+        size = np.array([[1.0], [0.4]])
+
+        def push(t):
+            return (size * np.cos(omega * t + phase)).sum(axis=1)
+
+        def rate(t, s):
+            take_off = 25.0 * (s[0] - s[1]) + 4.0 * (s[2] - s[3])
+            return *s[2:], *((push(t) - [200.0 * s[0] + take_off, -take_off]) / [5.0, 4.0])
+
+        motion = solve_ivp(rate, time[[0, -1]], np.zeros(4), t_eval=time, rtol=1e-8, atol=1e-10).y[:2]
+        noisy = motion + 2e-3 * motion.std() * rng.standard_normal(motion.shape)
+        forces = np.array([push(t) for t in time]).T
+        return rss.Record(time, dict(zip(model.dofs, noisy))
+                          | {f"{dof}_force": f for dof, f in zip(model.dofs, forces)}, kind="forced", name=str(seed))
+
+    found = rss.diagnose(model, waves(0), withhold=waves(1), effects=["relative_damping", "relative_stiffness"])
+    assert {e.name for e in found.verdict.effects} == {"relative_damping", "relative_stiffness"}
+    assert found.how_far.gap_after < 0.02

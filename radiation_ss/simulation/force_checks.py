@@ -25,7 +25,8 @@ class TurnRules:
 
     # Share of the stiffness by which the body may be softer or stiffer: the natural frequency within 23 %
     softer: float = 0.4
-    damped: tuple[float, ...] = (0.0, 0.05, 0.2)  # Of critical, beside the model's own damping
+    # Of critical, beside the model's own damping; a body without any has a frequency at which nothing resists
+    damped: tuple[float, ...] = (1e-6, 0.05, 0.2)
     late: float = 1.5  # Phase at the motion's frequency by which a sensor or a force may be late [rad]
     explained: float = 0.5  # Least share of the motion's power by the turned force; a correlation of .7
     # Times the force is what turns: a motion of another size has another cause
