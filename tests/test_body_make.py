@@ -206,3 +206,25 @@ def test_numbers_of_a_body_of_another_size_are_named(numbers, words):
 def test_slender_bodies_are_taken_as_they_are(mass, C):
     """Hywind (Jonkman 2010), a classic spar, the DeepCwind semisubmersible (Robertson 2014)."""
     assert rss.body(dof="Heave", mass=mass, added_mass=mass, C=C).C[0, 0] == C
+
+
+def test_a_tolerance_that_no_body_could_use_up_is_still_carried():
+    """With 10 % more gyradius the body would be slower than the decay said, without any added inertia."""
+    numbers = {"dof": "Pitch", "mass": 100.0, "GM": 0.1, "gyradius": 0.3, "period": 2.0}
+    model = rss.body(**numbers, tolerance={"gyradius": 0.1})
+    assert model.M == pytest.approx(rss.body(**numbers).M)
+    assert model.tolerance["mass"] == pytest.approx(1.0 - 1.1**-2)
+
+
+@pytest.mark.parametrize("units, what", [({"GM": "mm"}, "GM"), ({"Heave": "mm"}, "Heave")])
+def test_units_of_what_is_always_si_are_refused(units, what):
+    with pytest.raises(rss.InputError, match=f"units of {what}: .*SI"):
+        rss.body(dof="Heave", mass=100.0, added_mass=80.0, C=2e3, units=units)
+
+
+@pytest.mark.parametrize("scale, length, rho, words", [
+    (1.0, 2.0, 1.025, "rho: 1.025 kg/m"), (1e3, 2.0, 1e3, "half breadth is 250 m"), (1.0, 2e3, 1e3, "length: 2000 m")])
+def test_a_section_in_other_units_than_its_length_is_doubted(scale, length, rho, words):
+    offsets = scale * np.array([[0.0, -0.2], [0.25, -0.2], [0.25, 0.0]])
+    with pytest.warns(InputWarning, match=words):
+        rss.body(dof="Heave", section=offsets, length=length, rho=rho)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from radiation_ss.body.particulars import (
     from_period,
     mass_matrix,
     particulars,
+    size_doubts,
 )
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.result import RadiationFit
@@ -124,13 +125,16 @@ def _inputs(radiation: Any, section: Any, length: float | None, depth: float, nu
     return p, data, fit_radiation(data)
 
 
-def _of_section(p: Particulars, section: Any, length: float, depth: float,
+def _of_section(p: Particulars, section: Any, length: float, depth: float, most: float = 100.0,
                 ) -> tuple[Particulars, HydroData, RadiationFit]:
     """Return the particulars of a prismatic body with its displacement, its coefficients and their fit."""
     from radiation_ss.fit.radiation import fit_radiation
     from radiation_ss.hydro.section.solver import as_section, section_2d
 
     shape = as_section(section)
+    if not 1.0 / most < length / shape.half_breadth < most:
+        warnings.warn(InputWarning(f"length: {length:g} m, and the section's half breadth is {shape.half_breadth:.4g} "
+                                   "m; check that both are in metres"), stacklevel=4)
     # From waves ten times the size of the body to ones that only its waterline feels: w^2 b / g from 0.01 to 8.
     omega = np.linspace(0.1, np.sqrt(8.0), 60) * np.sqrt(p.g / shape.half_breadth)
     data = section_2d(shape, omega, depth, rho=p.rho, g=p.g, centre_of_gravity=p.centre_of_gravity or 0.0)
@@ -246,27 +250,6 @@ def _shared_out(total: float, M: float | None, A: float | None, C: float, said: 
     return (known, total - known) if M is not None else (total - known, known)
 
 
-def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[str]:
-    """Yield a sentence for each motion whose numbers are those of a body far from the size of the water of its mass.
-
-    In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,
-    is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3), nor the depth less
-    than that share of it.
-    """
-    for i, dof in enumerate(p.dof):
-        mass, C, inertia = p.of("mass", dof), float(model.C[i, i]), float((model.M + model.A_inf)[i, i])
-        if mass is None:
-            continue
-        side = (mass / p.rho) ** (1.0 / 3.0)
-        water = f"and the mass is that of a cube of water of {side:.4g} m"
-        if mode(dof) == "Heave" and C > 0.0 and not 1.0 / most < mass * p.g / (side * C) < most:
-            yield (f"{dof}: with stiffness {C:.4g} N/m the body is {mass * p.g / C:.4g} m deep, {water}; check mass "
-                   "[kg], period [s] and C [N/m]")
-        if mode(dof) in RESTORED and inertia > (most * side) ** 2 * mass:
-            yield (f"{dof}: with inertia {inertia:.4g} kg m^2 the radius of gyration is {np.sqrt(inertia / mass):.4g} "
-                   f"m, {water}; check mass [kg], gyradius [m], period [s] and GM [m]")
-
-
 def _stiffness(C: float | None, dof: str) -> float:
     if C is None and mode(dof) not in HORIZONTAL:
         GM = ", or GM [m]" if mode(dof) in RESTORED else ""
@@ -295,7 +278,7 @@ def _tolerances(given: Mapping[str, float], p: Particulars, data: HydroData | No
             raise InputError(f"tolerance of {name}: {value!r}; a share between 0 and 1 is needed (0.02 is 2 %)")
         moved = alias.get(name, name)
         if moved in inputs and getattr(p, moved, None) is not None:
-            other = _matrices(p.scaled(moved, 1.0 + value), data, fit)
+            other = _moved(p, moved, value, data, fit)
             for key, now, then in zip(squares, (model.M, model.A_inf, model.C), other):
                 size = np.diag(now)
                 change = np.abs(np.diag(then) - size)[size != 0.0] / np.abs(size[size != 0.0])
@@ -306,3 +289,12 @@ def _tolerances(given: Mapping[str, float], p: Particulars, data: HydroData | No
             raise InputError(f"tolerance: {name!r} is not among the numbers given, nor one of {', '.join(TOLERANCES)}")
     carried = {name: min(float(np.sqrt(square)), 0.9) for name, square in squares.items() if square > 0.0}
     return {**carried, **found}
+
+
+def _moved(p: Particulars, name: str, share: float, data: HydroData | None, fit: RadiationFit | None,
+           ) -> tuple[FloatArray, ...]:
+    """Return M, A_inf, C and D with one number larger by a share; smaller where no body is like that."""
+    try:
+        return _matrices(p.scaled(name, 1.0 + share), data, fit)
+    except InputError:
+        return _matrices(p.scaled(name, 1.0 / (1.0 + share)), data, fit)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,10 @@ from scipy.optimize import brentq
 
 from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode
+from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
+
+if TYPE_CHECKING:
+    from radiation_ss.body.model import Model
 
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
@@ -71,6 +74,10 @@ class Particulars:
             if mode(str(dof)) not in RIGID and self.units.get(dof) not in ("m", "rad"):
                 raise InputError(f"dof: {dof!r} is none of {', '.join(RIGID)}; one of your own needs the unit of its "
                                  f"displacement: units={{{dof!r}: 'm'}} or 'rad', --dof {dof}=m")
+        for named, unit in self.units.items():
+            if named not in dofs or (mode(str(named)) in RIGID and unit != motion_unit(named)):
+                raise InputError(f"units of {named}: units are of the displacement of a degree of freedom of your own; "
+                                 "numbers are in SI (kg, m, s), motions of a rigid body in m and rad")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             value = getattr(self, name)
@@ -150,6 +157,29 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
         hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
         raise InputError(f"body: {unknown[0]!r} is unknown{hint}")
     return Particulars(**given)
+
+
+def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[str]:
+    """Yield a sentence for what is no water, and each motion of a body far from the size of the water of its mass.
+
+    In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,
+    is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3), nor the depth less
+    than that share of it.
+    """
+    if not 500.0 < p.rho < 2000.0:
+        yield f"rho: {p.rho:g} kg/m^3; water has some 1000"
+    for i, dof in enumerate(p.dof):
+        mass, C, inertia = p.of("mass", dof), float(model.C[i, i]), float((model.M + model.A_inf)[i, i])
+        if mass is None:
+            continue
+        side = (mass / p.rho) ** (1.0 / 3.0)
+        water = f"and the mass is that of a cube of water of {side:.4g} m"
+        if mode(dof) == "Heave" and C > 0.0 and not 1.0 / most < mass * p.g / (side * C) < most:
+            yield (f"{dof}: with stiffness {C:.4g} N/m the body is {mass * p.g / C:.4g} m deep, {water}; check mass "
+                   "[kg], period [s] and C [N/m]")
+        if mode(dof) in RESTORED and inertia > (most * side) ** 2 * mass:
+            yield (f"{dof}: with inertia {inertia:.4g} kg m^2 the radius of gyration is {np.sqrt(inertia / mass):.4g} "
+                   f"m, {water}; check mass [kg], gyradius [m], period [s] and GM [m]")
 
 
 def pole(period: float, ratio: float) -> complex:

@@ -80,7 +80,7 @@ def model(args: argparse.Namespace) -> None:
                if getattr(args, word) is not None}
     if args.dof is not None:
         numbers["dof"], _, unit = args.dof.partition("=")
-        numbers["units"] = {numbers["dof"]: unit}
+        numbers["units"] = {numbers["dof"]: unit} if unit else {}
     said = tolerance_of(args.tolerance) if args.tolerance else {}
     if not isinstance(said, dict):
         raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
