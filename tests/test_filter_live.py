@@ -35,6 +35,9 @@ def test_an_option_that_there_is_not_is_named():
         rss.DualEnKF(tank(), preset="paper", R="small")
     with pytest.raises(rss.InputError, match="noise: channel 'heave' is unknown; use any of Heave, Heave_velocity"):
         rss.DualEnKF(tank(), noise={"heave": 1e-4})
+    for level in (0.0, -1e-4, np.nan, "a"):
+        with pytest.raises(rss.InputError, match=r"noise of Heave: .*above 0"):
+            rss.DualEnKF(tank(), noise={"Heave": level})
     with pytest.raises(rss.InputError, match="Q_theta: an option of the paper's filter"):
         rss.DualEnKF(tank(), Q_theta=1e-6)
 
@@ -199,3 +202,14 @@ def test_the_papers_noise_is_what_is_asked_for():
     with pytest.raises(rss.InputError, match="Q_state"):
         rss.DualEnKF(tank(), Q_state=-1.0)
     assert TRUTH.size == 6
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_accelerometer_alone_gives_the_force(seed, noise):
+    """Its white noise, integrated twice, is larger than any slow motion: no scale may come from that."""
+    record, force = sea_record(seed, duration=60.0, noise=noise)
+    record = rss.Record(record.time, {"Heave_acceleration": record.channels["Heave_acceleration"]})
+    found = rss.DualEnKF(tank(), seed=0).run(record).force.mean[0]
+    late = record.time > 5.0
+    assert np.linalg.norm(found[late] - force[late]) < 0.8 * np.linalg.norm(force[late])

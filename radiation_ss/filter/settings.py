@@ -94,9 +94,11 @@ class FilterSettings:
             raise InputError("prior: a relative standard deviation cannot be negative")
 
     def check_noise(self, dofs: Sequence[str]) -> None:
-        """Refuse noise of a channel that there is not: the record's would be taken, as if none had been said."""
+        """Refuse noise that is none, or of a channel that there is not: the record's would be taken instead."""
         channels = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
-        for name in self.noise or {}:
+        for name, level in (self.noise or {}).items():
+            if not isinstance(level, int | float | np.integer | np.floating) or not 0.0 < level < np.inf:
+                raise InputError(f"noise of {name}: {level!r}; a standard deviation above 0 is needed")
             if name not in channels:
                 raise InputError(f"noise: channel {name!r} is unknown; use any of {', '.join(channels)}")
 

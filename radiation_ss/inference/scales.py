@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.subsystems import Subsystems
@@ -79,11 +80,16 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     dt = float(dts[np.abs(dts - np.median(dts)) <= 0.01 * np.median(dts)].mean())
     # As many whole steps as there are: rounding of the times must not change their number, nor where they begin.
     grid = time[0] + dt * np.arange(round((time[-1] - time[0]) / dt))
-    omega = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt)
-    motion = np.stack([_displacement(y[j:3 * n:n], time, grid, omega, record, model.dofs[j]) for j in range(n)])
+    omega: FloatArray = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt).astype(np.float64)
+    orders, measured = zip(*(_measured(y[j:3 * n:n], time, grid, record, model.dofs[j]) for j in range(n)))
+    motion = np.stack(measured)
+    motion[:, 0] = 0.0
+    noisy = np.array([level[j + order * n] for j, order in enumerate(orders)]) * np.sqrt(grid.size)
+    middle = _mean_frequency(motion, omega, noisy)
+    motion[:, 1:] /= (1j * omega[1:]) ** np.array(orders)[:, None]
     impedance = (-omega[:, None, None] ** 2 * (model.M + model.A_inf)
                  + 1j * omega[:, None, None] * (parts.K(parts.theta, omega) + model.D) + model.C)
-    band = _band(motion, omega)
+    band = _band(motion, omega, middle)
     force = np.where(band, np.einsum("wjk,kw->jw", impedance, motion), 0.0)
     # Parseval: |F|^2 of a record with its mean removed.
     power = 2.0 * np.abs(force) ** 2 / grid.size**2
@@ -102,22 +108,27 @@ def noise_of(values: FloatArray) -> float:
     return float(np.median(moving) / 0.6745 / np.sqrt(70.0)) if moving.size > 8 else 0.0
 
 
-def _displacement(y: FloatArray, time: FloatArray, grid: FloatArray, omega: np.ndarray, record: Record,
-                  dof: str) -> np.ndarray:
-    """Return the Fourier coefficients of the displacement, from whichever of its derivatives is there."""
-    for power, values in enumerate(y):
+def _measured(y: FloatArray, time: FloatArray, grid: FloatArray, record: Record, dof: str) -> tuple[int, ComplexArray]:
+    """Return whichever derivative of the displacement is there first, by its order, and its Fourier coefficients."""
+    for order, values in enumerate(y):
         good = np.isfinite(values)
         if good.sum() > 8:
-            spectrum = np.fft.rfft(np.interp(grid, time[good], values[good] - values[good].mean()))
-            spectrum[1:] /= (1j * omega[1:]) ** power
-            spectrum[0] = 0.0
-            return spectrum
+            return order, np.fft.rfft(np.interp(grid, time[good], values[good] - values[good].mean()))
     raise InputError(f"record {record.name}: no motion of {dof}; give {dof}, {dof}_velocity or {dof}_acceleration")
 
 
-def _band(motion: np.ndarray, omega: np.ndarray) -> np.ndarray:
+def _mean_frequency(measured: ComplexArray, omega: FloatArray, noise: FloatArray, clear: float = 2.0) -> FloatArray:
+    """Return the mean frequency [rad/s] of each measured motion (n, nw), of what is `clear` of its noise (n,).
+
+    Of an acceleration itself, not of the displacement that it makes: its integral twice is mostly slow noise.
+    """
+    size = np.abs(measured)
+    power = np.where((size > clear * noise[:, None]) | (size == size.max(axis=1, keepdims=True)), size, 0.0) ** 2
+    return np.asarray((power * omega).sum(axis=1) / power.sum(axis=1), dtype=np.float64)
+
+
+def _band(motion: ComplexArray, omega: FloatArray, middle: FloatArray) -> NDArray[np.bool_]:
     """Return where the motion has power: within a third and three times its mean frequency, above 1e-5 of the peak."""
     power = np.abs(motion) ** 2
-    mean = (power * omega).sum(axis=1) / power.sum(axis=1)
-    near = (omega > mean[:, None] / 3.0) & (omega < 3.0 * mean[:, None])
+    near = (omega > middle[:, None] / 3.0) & (omega < 3.0 * middle[:, None])
     return near & (power > 1e-5 * np.where(near, power, 0.0).max(axis=1, keepdims=True))
