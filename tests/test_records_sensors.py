@@ -199,3 +199,27 @@ def test_a_record_prints_in_ten_lines():
     assert len(lines) <= 10 and max(map(len, lines)) <= 160
     page = record._repr_html_()
     assert "<svg" in page and "<script>" not in page
+
+
+@pytest.mark.parametrize("reading, told", [(9.81, False), (1.0, True), (-9.81, True), (0.0, True)])
+def test_an_accelerometer_without_its_gravity_is_doubted(reading, told, recwarn):
+    """In units of g, with a turned sign, or with its mean taken off."""
+    rss.from_accelerometers(TIME, [reading + 0.1 * np.sin(TIME)], [[0, 0, 0.1]], [[0, 0, 1]], ["Heave"])
+    assert [w.category for w in recwarn] == [InputWarning] * told
+    assert all("accelerometer 1: its mean is" in str(w.message) for w in recwarn)
+
+
+def test_clocks_far_apart_and_turned_signs_are_named():
+    heave, _, acceleration = sea(4)
+    camera = rss.Record(TIME, {"Heave": heave}, name="camera")
+    for origin, sign, words in ((1.7e9, 1.0, "logger at 1700000000 s; no offset within 5 s"),
+                                (1.3, -1.0, "alike with a turned sign")):
+        logger = rss.Record(TIME + origin, {"Heave_acceleration": sign * acceleration}, name="logger")
+        with pytest.raises(rss.InputError, match=words):
+            rss.clock_offset(camera, logger, "Heave", "Heave_acceleration", largest=5.0)
+
+
+@pytest.mark.parametrize("depth", [0.0, -1.0, np.nan])
+def test_a_probe_in_no_water_is_refused(depth):
+    with pytest.raises(rss.InputError, match=r"depth: .*positive"):
+        rss.at_the_body(rss.Record(TIME, {"wave_elevation": sea(1)[0]}), 2.0, depth=depth)

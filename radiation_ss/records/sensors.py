@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray, read_only
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
 from radiation_ss.records.comments import number_in
@@ -161,6 +162,11 @@ def from_accelerometers(time: ArrayLike, readings: ArrayLike, places: ArrayLike,
     if np.linalg.matrix_rank(matrix, tol=1e-9 * np.abs(matrix).max(initial=1.0)) < len(dofs):
         raise InputError(f"accelerometers: {measured.shape[0]} at these places cannot tell {', '.join(dofs)} apart")
     theta = _angles(t, e, dofs, rotations)
+    for number, (level, vertical) in enumerate(zip(np.nanmean(measured, axis=1), e[:, 2]), 1):
+        if abs(vertical) > 0.7 and abs(level - g * vertical) > 0.2 * g:
+            warnings.warn(InputWarning(f"accelerometer {number}: its mean is {level:.4g}, gravity along its axis is "
+                                       f"{g * vertical:.4g} m/s^2; check its sign and unit (m/s^2, not g), and that "
+                                       "its mean was not taken off"), stacklevel=2)
     up = np.array([0.0, 0.0, 1.0])[:, None] - np.cross(theta.T, [0.0, 0.0, 1.0]).T
     found = np.linalg.lstsq(matrix, measured - g * e @ up, rcond=None)[0]
     return {f"{dof}_acceleration": row for dof, row in zip(dofs, found)}
@@ -233,8 +239,15 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
     lags, alike = _correlation(a, b, dt, ORDER.get(other_suffix, 0) - ORDER.get(suffix, 0))
     offsets = t1[0] - t2[0] - lags
-    alike = np.where(np.abs(offsets) > reach, -np.inf, alike)
+    within = np.abs(offsets) <= reach
+    if not within.any():
+        raise InputError(f"clocks: {record.name} begins at {t1[0]:.10g} s, {other.name} at {t2[0]:.10g} s; no offset "
+                         f"within {reach:.4g} s joins them, give a larger one (largest)")
+    least_alike, alike = float(alike[within].min()), np.where(within, alike, -np.inf)
     best = int(np.argmax(alike))
+    if -least_alike >= least and 1.0 + least_alike < 0.5 * (1.0 - alike[best]):
+        raise InputError(f"clocks: {channel} of {record.name} and {other_channel} of {other.name} are alike with a "
+                         f"turned sign (correlation {least_alike:.2f}, else {alike[best]:.2f}); turn one")
     if not alike[best] >= least:
         raise InputError(f"clocks: {channel} of {record.name} and {other_channel} of {other.name} are nowhere alike "
                          f"within {reach:.4g} s (correlation {alike[best]:.2f}, {least:g} needed)")

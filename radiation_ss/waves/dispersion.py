@@ -136,6 +136,8 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     x = read_only(elevation, "elevation", (None,))
     if not 0.0 < dt < np.inf or not np.isfinite(distance):
         raise InputError(f"dt {dt} s, distance {distance} m: a positive step and a finite distance are needed")
+    if not depth > 0.0:
+        raise InputError(f"depth: {depth} m; a positive number is needed")
     mean = float(x.mean())
     energy = np.cumsum(np.abs(rfft((x - mean) * np.hanning(x.size))[1:]) ** 2)
     omega = 2.0 * np.pi / (x.size * dt) * np.arange(1, energy.size + 1)
