@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
-from radiation_ss.effects import effect_named, named
+from radiation_ss.effects import Line, catenary, effect_named, named
 from radiation_ss.simulation import check_units, drifting
 
 PATH = np.repeat(np.concatenate([np.linspace(0, 1, 6), np.linspace(0.8, -1, 10), np.linspace(-0.8, 1, 10)]), 10)
@@ -140,3 +140,33 @@ def test_rounding_of_a_stiffness_that_is_zero_is_no_stiffness(rounding):
     found = rss.diagnose(model, waves(0), withhold=waves(1), effects=["relative_damping", "relative_stiffness"])
     assert {e.name for e in found.verdict.effects} == {"relative_damping", "relative_stiffness"}
     assert found.how_far.gap_after < 0.02
+
+
+def test_a_catenary_of_the_users_own_lines_is_an_effect_to_consider():
+    """An effect that is in no library, given as it is: two lines whose pull is weighed by its closed form here."""
+    from scipy.optimize import brentq
+
+    length, weight, depth, distance = 60.0, 20.0, 10.0, 57.0
+
+    def pull(apart):
+        """Horizontal tension of an inextensible line of which a part lies on the bed."""
+        return brentq(lambda H: length - np.sqrt(depth * (depth + 2 * H / weight))
+                      + H / weight * np.arccosh(1 + weight * depth / H) - apart, 1.0, 1e6)
+
+    time, rng = np.arange(0.0, 120.0, 0.1), np.random.default_rng(0)
+
+    def decay(start, name):
+        def rate(t, s):
+            return s[1], (pull(distance - s[0]) - pull(distance + s[0]) - 8.0 * s[1]) / 400.0
+        surge = solve_ivp(rate, time[[0, -1]], (start, 0.0), t_eval=time, rtol=1e-8).y[0]
+        return rss.Record(time, {"Surge": surge + 1e-3 * rng.standard_normal(time.size)}, kind="decay", name=name)
+
+    lines = catenary([Line(length, weight, depth, distance, heading) for heading in (0.0, np.pi)])
+    model = rss.body(dof="Surge", mass=400.0, added_mass=0.0).attached(damping={"Surge": 8.0})
+    found = rss.diagnose(model, decay(1.2, "a"), withhold=decay(0.9, "b"), effects=[lines, "quadratic_drag"])
+    assert [e.name for e in found.verdict.effects] == ["catenary"]
+    value, deviation = found.verdict.effects[0].parameters["share"]
+    assert abs(value - 1.0) < max(3.0 * deviation, 0.01) and found.how_far.gap_after < 0.02
+    assert "catenary (share" in str(found) and " 1)" not in str(found)
+    with pytest.raises(rss.InputError, match="absent and present"):
+        rss.diagnose(model, decay(1.2, "a"), effects=[lines], absent="catenary", present="catenary")

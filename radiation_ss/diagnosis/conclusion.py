@@ -27,7 +27,7 @@ from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Nam
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
-from radiation_ss.effects import Active, effect_named, library
+from radiation_ss.effects import Active, library
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, Keys
 from radiation_ss.inference.problem import EquationError
@@ -75,7 +75,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
-             if size >= rules.matters and effect_named(active.name).family != "offset"]
+             if size >= rules.matters and active.effect.family != "offset"]
     named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure
              and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
     telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]

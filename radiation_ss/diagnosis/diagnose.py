@@ -191,7 +191,7 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
     names = [e.name for e in chosen]
     if len(set(names)) < len(names):
         raise InputError(f"effects: {next(n for n in names if names.count(n) > 1)!r} is there twice")
-    for name in absent:
+    for name in set(absent) - set(names):
         effect_named(name)
     both = sorted(set(absent) & set(present))
     if both:

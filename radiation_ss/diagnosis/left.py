@@ -163,8 +163,8 @@ def share_left(pair: Fitted, ledger: Budget, fitted: Sequence[Record],
 
 
 def unit_of(form: str, dof: str, other: str) -> str:
-    """Return a parameter's unit in SI for a degree of freedom."""
+    """Return a parameter's unit in SI for a degree of freedom; none of a share ("1")."""
     def turns(d: str) -> bool:
         return d.split("__")[-1] in ("Roll", "Pitch", "Yaw")
     text = form.replace("F", "N m" if turns(dof) else "N").replace("X", "rad" if turns(dof) else "m")
-    return text.replace("Y", "rad" if turns(other) else "m")
+    return "" if form == "1" else text.replace("Y", "rad" if turns(other) else "m")
