@@ -44,6 +44,21 @@ def test_subsystems_return_the_transfer_function_of_any_realisation():
     np.testing.assert_allclose(parts.fit(parts.theta).frequency_response(BAND), fit.frequency_response(BAND), rtol=1e-9)
 
 
+@pytest.mark.parametrize("preset", [None, "paper"])
+def test_no_damping_at_rest_is_no_parameter(preset):
+    w = np.linspace(1.0, 20.0, 60)
+    true = (300.0 * 1j * w - 40.0 * w**2) / (900.0 + 260.0 * 1j * w - 34.0 * w**2 - 1j * w**3)     # K(0) = 0
+    data = rss.HydroData(w, (5.0 + true.imag / w)[:, None, None], true.real[:, None, None], A_inf=[[5.0]],
+                         dofs=("Heave",))
+    model = tank().replace(fit=rss.fit_radiation(data, 3, at_zero="zero"))
+    fit = model.fit
+    assert 0.0 < abs(fit.polynomials()[1][0]) < 1e-9 * abs(fit.polynomials()[1][1])     # rounding of the fit
+    found = rss.DualEnKF(model, seed=1, preset=preset).run(sea_record(20)[0])
+    row = found.parameters["Heave.b1"]
+    assert (row.mean, row.std, row.prior_mean, row.prior_std) == (0.0, 0.0, 0.0, 0.0)
+    assert found.parameters["Heave.b2"].std > 0.0
+
+
 def test_pseudo_observations_hold_at_the_truth_and_nowhere_else():
     parts = subsystems_of(tank().fit)
     H, y, _ = conditions(parts, np.array(POINTS), tank().fit.frequency_response(POINTS))

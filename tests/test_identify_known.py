@@ -300,6 +300,14 @@ def test_bad_records_are_named(channels, message):
         identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")
 
 
+def test_a_static_test_is_said_to_have_no_radiation():
+    offsets = Record(np.arange(9.0), {"Heave": np.linspace(-0.1, 0.1, 9), "Heave_force": np.linspace(-60.0, 60.0, 9)},
+                     kind="static")
+    for method in ("prediction-error", "spectral", "dual-enkf"):
+        with pytest.raises(InputError, match="no motion that radiates"):
+            identify(tank(), offsets, method)
+
+
 def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
     model = sway_roll()
     form = parametrise(model.fit, model.A_inf, 0.15)

@@ -118,6 +118,24 @@ def test_drag_is_named_by_the_elevation_too(drag):
     assert held[(BAND > 4.5) & (BAND < 8.0)].mean() > 0.6
 
 
+def test_numbers_that_only_the_elevation_asks_for_may_be_X():
+    rng, body = np.random.default_rng(5), with_waves(tank())
+    time, w = 0.05 * np.arange(1600), np.sort(rng.uniform(4.0, 13.0, 60))
+    a = np.sqrt(2.0 * jonswap(w, hs=0.02) * 9.0 / 60.0) * np.exp(2j * np.pi * rng.random(60))
+    X = np.interp(w, body.hydro.omega, body.hydro.X[:, 0, 0].real)
+    K, waves = body.fit.frequency_response(w)[:, 0, 0], np.exp(1j * np.outer(time, w))
+    receptance = 1.0 / (body.C[0, 0] + 1j * w * K - w**2 * (1.2 * body.M + body.A_inf)[0, 0])
+    heave, elevation, force = ((waves @ (part * a)).real for part in (X * receptance, 1.0, X))
+    heave = heave + 0.01 * heave.std() * rng.standard_normal(time.size)
+    asked = {}
+    for name, column in (("wave_elevation", elevation), ("Heave_force", force)):
+        record = Record(time, {"Heave": heave, name: column}, kind="waves")
+        found = identify(body, record, "prediction-error", omega=BAND, draws=200)
+        asked[name] = [text for text in found.warnings if "the records ask for" in text and "tolerance" in text]
+    assert asked["wave_elevation"] and "X with the damping" in asked["wave_elevation"][0]
+    assert asked["Heave_force"] and "X" not in asked["Heave_force"][0]
+
+
 def test_motion_that_laws_are_made_of_is_the_true_one_from_the_first_sample_on():
     """At the start a prediction is the prior's zero: the velocity by it was off by the motion's own size."""
     body, t = tank(), np.arange(0.0, 20.0, 0.05)

@@ -30,12 +30,25 @@ def test_the_fit_handed_on_is_moved_no_further_than_it_has_to_be():
     moved, said = nearest_passive(form, bad, theta, matters=0.0)
     assert form.realise(moved).passive and "negative damping" in said and "handed on is passive" in said
     assert not form.realise(bad + 0.99 * (moved - bad)).passive
-    assert np.abs((moved - bad) / theta.std(axis=0)).max() < 0.5      # too small a move to be said by default
-    quiet, nothing = nearest_passive(form, bad, theta)
+    quiet, nothing = nearest_passive(form, bad, theta, matters=10.0)     # standard deviations of K
     assert nothing == "" and np.array_equal(quiet, moved)
     good = theta[passive(form, theta)][0]
     same, said = nearest_passive(form, good, theta)
     assert said == "" and same is good
+
+
+@pytest.mark.parametrize("model", [tank(), sway_roll()])
+def test_no_passive_place_on_the_way_to_a_draw_is_more_probable_than_the_fit_handed_on(model):
+    form = parametrise(model.fit, model.A_inf, 0.15)
+    theta = form.theta(np.random.default_rng(1).standard_normal((300, form.active.size)))
+    root, inside = np.linalg.cholesky(np.cov(theta.T)), passive(form, theta)
+    for bad in theta[~inside][:4]:
+        near = bad + 0.02 * (theta - bad)           # sure of it, so that no draw is passive
+        moved, said = nearest_passive(form, bad, near)
+        ways = (bad + np.linspace(0.02, 1.0, 50)[:, None, None] * (theta[inside] - bad)).reshape(-1, bad.size)
+        far = np.linalg.norm(np.linalg.solve(root, (np.vstack([moved, ways[passive(form, ways)]]) - bad).T), axis=0)
+        assert form.realise(moved).passive and "of its standard deviations" in said
+        assert far[0] < 1.001 * far[1:].min()
 
 
 def everywhere(u):

@@ -73,6 +73,7 @@ class PaperEngine:
         variances = (s.Q_theta, s.Q_state, s.Q_force, s.R, s.R)
         sizes = (self.gain.size, plan.m + 2 * plan.n, plan.n, 2 * plan.n + y.size, plan.n)
         self.noise = Noise(*(np.full(size, np.sqrt(variance)) for size, variance in zip(sizes, variances)))
+        self.noise.theta[~drawn.theta.any(axis=1)] = 0.0        # a coefficient that is zero is no parameter: K(0) = 0
         self.variant = Variant(s.analysis == "stochastic", s.order == "force-first", s.draws == "three-point",
                                float(s.inflation))
         self.state = Ensembles(np.ascontiguousarray(drawn.theta / self.gain[:, None]),

@@ -5,7 +5,9 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
     "channels": "known_force motion_channels",
-    "force": "ForceSpectra relation smooth_one total_deviation",
+    "families": "Race",
+    "force": "ForceSpectra smooth_one total_deviation",
+    "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
     "result": "nearest_passive passive",
     "sea": "SeaModel",

@@ -159,10 +159,13 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
     """Yield what the user must know about where the numbers came from; `mended`: what made the memory passive."""
     rules, what = study.rules, {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring",
                                 "sensor": "gain of the motion sensor"}
+    by_elevation = any(kind == "sensor" for kind, *_ in study.form.nominal) and all(
+        record.kind != "decay" and record.get("force", study.model.dofs) is None for record in study.records)
+    tied = ", or X with the damping that it is tied to" if by_elevation else ""
     for name, row in nominal.items():
         if abs(row["mean"]) > rules.doubt * row["std"]:
             yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
-                   f"({what[name.split()[0]]}; tolerance {row['prior_std']:.1%}): check it")
+                   f"({what[name.split()[0]]}{tied}; tolerance {row['prior_std']:.1%}): check it")
     far = [f"{name} by {row['moved']:+.2g}" for name, row in parameters.items()
            if abs(row["moved"]) > rules.contradiction]
     if far:

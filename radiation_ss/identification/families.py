@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from radiation_ss.arrays import FloatArray
@@ -24,20 +25,39 @@ class Race:
 
     hopeless: float = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
     same: float = 0.5  # Distance, in posterior standard deviations, below which two modes are one
-    # steps, several, idle_steps: Steps at most of a climb: of body and sea, with several degrees of freedom (whose
-    # ridge is long and sharp: the place reached will do), and of the sea alone, with the body held
+    # steps, idle_steps: Steps at most of a climb of body and sea, and of the sea alone, with the body held
     steps: int = 200
-    several: int = 60
     idle_steps: int = 15
+    # scoring, ridge, slope: With several degrees of freedom: scoring steps, then steps of a quasi-Newton search at most
+    # (Fisher's information says little of a ridge that is long, sharp and bent), to this slope a posterior deviation
+    scoring: int = 10
+    ridge: int = 60
+    slope: float = 0.3
     # Prior standard deviations of the body's parameters from which one system in every sea is no start
     far: float = 8.0
     # periods, energy: Starts of a second system: its period and energy over the first's
     periods: tuple[float, float] = (0.65, 1.5)
     energy: float = 0.5
 
-    def climb(self, n: int) -> Climb:
-        """Return the rules of a climb for n degrees of freedom."""
-        return Climb(self.steps) if n == 1 else Climb(self.several, rough=True)
+    def climb(self, target: Target, start: FloatArray, n: int, rough: bool = False) -> Peak:
+        """Return the mode of body and sea of n degrees of freedom above a start; `rough`: what all steps come to."""
+        if n == 1:
+            return find_peak(target, start, Climb(self.steps, rough=rough))
+        near = find_peak(target, start, Climb(self.scoring, rough=True))
+        root = np.linalg.cholesky(np.linalg.inv(near.fisher))
+
+        def below(x: FloatArray) -> tuple[float, FloatArray]:
+            phi = near.phi + root @ x
+            if not np.isfinite(target.value(phi)):
+                return -near.value + 1e6, x
+            value, gradient, _ = target.local(phi)
+            return -value, -root.T @ gradient
+
+        found = minimize(below, np.zeros(near.phi.size), jac=True, method="BFGS",
+                         options={"maxiter": self.ridge, "gtol": self.slope})
+        phi = near.phi + root @ found.x
+        value, _, fisher = target.local(phi)
+        return Peak(phi, fisher, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,15 +111,15 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     has the family of its own record.
     """
     seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
-    climb, none = race.climb(study.model.n), None
+    none = None
     try:
-        best = _climbed(study, parts, others, seas, climb)
+        best = _climbed(study, parts, others, seas, race)
         tried = [best]
     except SolverError as error:
         if len(parts) > 1:
             return [_each_its_own(study, parts, others, race)]
         none, tried = error, []
-        best = _climbed(study, parts, others, seas, replace(climb, rough=True))  # a start for other families
+        best = _climbed(study, parts, others, seas, race, rough=True)  # a start for other families
     if len(parts) > 1 and np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0) > race.far:
         return [_each_its_own(study, parts, others, race)]
     for i, idle in enumerate(seas):
@@ -115,11 +135,12 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
 
 
 def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
-             seas: Sequence[FloatArray], rules: Climb) -> Structure:
+             seas: Sequence[FloatArray], race: Race, rough: bool = False) -> Structure:
     """Return the structure of these families with its mode from the prior's body and some seas."""
     target = study.target([*parts, *others])
     start = np.concatenate([np.zeros(study.n_u), *seas])
-    return Structure(tuple(parts), (find_peak(target, np.r_[start, np.zeros(target.size - start.size)], rules),))
+    start = np.r_[start, np.zeros(target.size - start.size)]
+    return Structure(tuple(parts), (race.climb(target, start, study.model.n, rough),))
 
 
 def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
@@ -131,7 +152,7 @@ def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Seq
     alone = [structures(study, [part], others, race)[0] for part in parts]
     at = slice(study.n_u, None)
     seas = [best.modes[0].phi[at][:best.parts[0].size] for best in alone]
-    found = _climbed(study, [best.parts[0] for best in alone], others, seas, race.climb(study.model.n))
+    found = _climbed(study, [best.parts[0] for best in alone], others, seas, race)
     return replace(found, apart=True)
 
 
@@ -139,18 +160,19 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
                  idle: FloatArray, race: Race) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
-    Climbs start from the best mode's body and the prior's: the former may have made up for what the sea lacks. `idle`:
-    the sea (of one system) and the noise for the prior's body.
+    Climbs start from the prior's body and, with one degree of freedom, from the best mode's, which may have made up for
+    what the sea lacks. `idle`: the sea (of one system) and the noise for the prior's body.
     """
     n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
     new = replace(part, sea=replace(part.sea, name=name))
     parts = (*known.parts[:number], new, *known.parts[number + 1:])
     at = n + sum(item.size for item in known.parts[:number])
     target, modes = study.target([*parts, *others]), list[Peak]()
-    for u, start in product((np.zeros(n), mode[:n]), _starts(new, idle, race)):
+    bodies = [np.zeros(n), mode[:n]][:2 if study.model.n == 1 else 1]
+    for u, start in product(bodies, _starts(new, idle, race)):
         try:
             sea = sea_mode(new, u, start, race.idle_steps)
-            peak = find_peak(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], race.climb(study.model.n))
+            peak = race.climb(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], study.model.n)
         except SolverError:
             continue
         if not any(peak.near(other, race.same) for other in modes):
@@ -162,7 +184,7 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
 
 def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[FloatArray]:
     """Yield starts in a family: the idle sea without departure; with a second system on either side of the first."""
-    sea, noise = part.sea, idle[3:]
+    sea, noise = part.sea, idle[idle.size - part.size + part.sea.size:]
     rest = np.r_[np.zeros(sea.size - sea.family.shape), noise]
     if sea.family.systems == 0:
         yield np.zeros(part.size)

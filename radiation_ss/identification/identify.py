@@ -130,6 +130,10 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
+    for record in runs:
+        if record.kind == "static":
+            raise InputError(f"record {record.name}: a static test has no motion that radiates waves, so it says "
+                             "nothing of A, B or a wave's force; `diagnose` takes it for the stiffness")
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]

@@ -19,14 +19,8 @@ from radiation_ss.errors import InputError
 from radiation_ss.filter.estimate import Band
 from radiation_ss.identification.channels import Channels, known_force, motion_channels, thinned
 from radiation_ss.identification.families import Race, mixed, sea_mode, structures
-from radiation_ss.identification.force import (
-    ForceSpectra,
-    Window,
-    receptance_times_X,
-    relation,
-    smooth_force,
-    smoothed,
-)
+from radiation_ss.identification.force import ForceSpectra, Window, smooth_force, smoothed
+from radiation_ss.identification.haskind import receptance_times_X, relation
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
 from radiation_ss.identification.result import ForceEstimate
@@ -52,7 +46,7 @@ def by_motion_only(study: Study) -> Findings:
             assert known is not None
             decays += motion_likelihoods(study.model, study.form, *thinned(channels, known))
             continue
-        part, said = spectral_likelihood(study.model, study.form, channels)
+        part, said = spectral_likelihood(study.model, study.form, channels, study.rules.tolerances["force"])
         parts.append(part)
         warnings += [text for text in said if text not in warnings]
     branches = mixed(study, structures(study, parts, decays, Race()), decays)
@@ -114,7 +108,8 @@ def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: flo
     channels = part.channels
     omega = np.linspace(0.0, min(top * channels.frequency, np.pi / channels.dt), points + 1)
     w = np.maximum(omega, omega[1])
-    X, motion = receptance_times_X(part.model, part.form, u, w, relation(part.model, part.form, w)[0])
+    haskind = part.with_errors(v, relation(part.model, part.form, w)[0], w)
+    X, motion = receptance_times_X(part.model, part.form, u, w, haskind)
     factors = (1j * w[:, None]) ** channels.derivative / channels.rms
     return ForceSpectra(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v),
                         part.unexplained(v))
@@ -193,7 +188,7 @@ def by_joint_filter(study: Study) -> Findings:
         channels = one_each(motion_channels(study.model, record))
         blocks = cut(channels, pace)
         start = channels.cut(0, blocks[min(1, len(blocks) - 1)][1])
-        part, warnings = spectral_likelihood(study.model, study.form, start)
+        part, warnings = spectral_likelihood(study.model, study.form, start, study.rules.tolerances["force"])
         said += [text for text in warnings if text not in said]
         belief = Belief(np.r_[body.mean, np.zeros(part.size)], np.eye(n + part.size))
         belief.precision[:n, :n] = body.precision

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -56,30 +57,85 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
                     matters: float = 0.5) -> tuple[FloatArray, str]:
     """Return theta, moved as little as needed to be passive (certified), and what was done, "" if nothing that matters.
 
-    On the way to the nearest passive draw, in standard deviations of the draws (S, d); without any, to the prior mean.
-    A move of less than `matters` of these deviations says nothing of model or records.
+    Least is the move that the draws (S, d) think most probable; where that is not found, on the way to the nearest
+    passive draw, or to the prior mean. A move of K below `matters` of its standard deviations says nothing of model or
+    records.
     """
     certificate = form.realise(theta).certificate
     if certificate.passive:
         return theta, ""
-    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
     where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
+    moved = most_probable_passive(form, theta, draws)
+    if moved is None:
+        moved = towards_passive(form, theta, draws)
+    if moved is None:
+        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
+    omega = frequencies(form)
+    K, change = form.K(draws, omega), form.K(moved, omega) - form.K(theta, omega)
+    floor = 1e-3 * np.abs(K).max(axis=(0, 1))       # next to nothing beside the entry's largest
+    away = float((np.abs(change) / np.maximum(np.sqrt(K.real.var(axis=0) + K.imag.var(axis=0)), floor)).max())
+    if away < matters:
+        return moved, ""
+    share = np.linalg.norm(change) / np.linalg.norm(form.K(theta, omega))
+    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, its K {100 * share:.2g} "
+                   f"% away, {away:.2g} of its standard deviations at most")
+
+
+def most_probable_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
+                          rounds: int = 40) -> FloatArray | None:
+    """Return the passive parameters nearest to theta by the draws' covariance; None if not reached in these rounds.
+
+    By cuts: wherever the damping is negative, its least eigenvalue is asked to rise to zero, linear in the parameters;
+    the least move that meets all cuts so far (Lawson and Hanson 1974, chapter 23) is the next place.
+    """
+    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
+    _, size, axes = np.linalg.svd((draws - draws.mean(axis=0)) / spread, full_matrices=False)
+    used = size > 1e-6 * size[0]
+    steps = (size[used, None] / np.sqrt(draws.shape[0]) * axes[used]) * spread      # one deviation along each axis
+    omega, z, cuts = frequencies(form), np.zeros(steps.shape[0]), list[FloatArray]()
+    scale = np.sqrt(np.abs(np.einsum("wjj->wj", form.K(theta, omega).real)).max(axis=0)) + 1e-300
+    for _ in range(rounds):
+        at = form.tied(theta + z @ steps)
+        certificate = form.realise(at).certificate
+        if certificate.passive:
+            return at
+        if not certificate.stable:
+            return None
+        w = np.sort(np.r_[omega, 30.0 * omega[-1], min(certificate.worst_omega, 30.0 * omega[-1])])
+        least, vectors = np.linalg.eigh(form.K(at, w).real / np.outer(scale, scale))
+        negative = least[:, 0] < -1e-13             # at rest rounding alone
+        low = np.flatnonzero(negative & (least[:, 0] <= np.r_[np.inf, least[:-1, 0]])
+                             & (least[:, 0] <= np.r_[least[1:, 0], np.inf]))
+        low = np.union1d(low, np.flatnonzero(negative)[-1:])    # the tail, else pushed out step by step
+        slopes = (form.K(form.tied(at + 1e-5 * steps), w[low]) - form.K(at, w[low])).real / 1e-5
+        for i, k in enumerate(low):
+            v = vectors[k, :, 0] / scale
+            slope = np.einsum("j,ajk,k->a", v, slopes[:, i], v)
+            length = max(float(np.linalg.norm(slope)), 1e-300)
+            cuts.append(np.r_[slope, slope @ z - least[k, 0]] / length)
+        if not cuts:
+            return None
+        E = np.array(cuts).T
+        residual = E @ nnls(E, np.r_[np.zeros(z.size), 1.0])[0] - np.r_[np.zeros(z.size), 1.0]
+        if abs(residual[-1]) < 1e-12:
+            return None
+        z = -residual[:-1] / residual[-1]
+    return None
+
+
+def towards_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> FloatArray | None:
+    """Return the first passive parameters on the way to the nearest passive draw, else to the prior mean."""
+    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
     order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
     goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
     if not form.realise(goal).passive:
-        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
+        return None
     low, high = 0.0, 1.0
     for _ in range(12):
         middle = 0.5 * (low + high)
         inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
         low, high = (low, middle) if inside else (middle, high)
-    moved, omega = form.tied(theta + high * (goal - theta)), frequencies(form)
-    if np.abs((moved - theta) / spread).max() < matters:
-        return moved, ""
-    K = form.K(theta, omega)
-    change = np.linalg.norm(form.K(moved, omega) - K) / np.linalg.norm(K)
-    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, "
-                   f"its K {100 * change:.2g} % away")
+    return form.tied(theta + high * (goal - theta))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import Channels, strong_bins
-from radiation_ss.identification.force import Haskind, motion_slopes, receptance_times_X, relation
+from radiation_ss.identification.haskind import Haskind, RelativeErrors, motion_slopes, receptance_times_X, relation
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.signals import filled, stretches
@@ -35,11 +35,10 @@ class SpectralRules:
     noise: float = 0.01
     noise_spread: float = 1.5
     # unexplained, unexplained_spread: Of several degrees of freedom: prior median of the share of each motion's
-    # variance that one long-crested sea with the model's X does not explain, which is how an error of X shows; spread
-    # of its logarithm
+    # variance that one long-crested sea and smooth errors of X do not explain; spread of its logarithm
     unexplained: float = 0.01
     unexplained_spread: float = 1.5
-    least_unexplained: float = 2.5e-3  # Its least value: an X that is exact to 5 % leaves 0.0025
+    least_unexplained: float = 2.5e-3  # Its least value: errors of X of 5 % that are not smooth leave 0.0025
     # knot_spacing, knots: Distance of the sea's knots in log w, and their least and largest number
     knot_spacing: float = 0.22
     knots: tuple[int, int] = (4, 9)
@@ -55,7 +54,8 @@ class SpectralRules:
 class SpectralLikelihood:
     """log p(motion | u, sea, noise) of one record, by its windowed Fourier coefficients where the motion has power.
 
-    Nuisance parameters v: the sea's; of several channels the share that it leaves unexplained; log noise of each.
+    Nuisance parameters v: the sea's; of several channels the share that it leaves unexplained, and the errors of log X
+    of one degree of freedom against the others; log noise of each.
     """
 
     model: Model
@@ -64,17 +64,37 @@ class SpectralLikelihood:
     coefficients: tuple[Coefficients, ...]
     sea: SeaModel
     rules: SpectralRules
+    force_error: float = 0.0  # Standard deviation of the errors of log X, which are smooth in frequency
 
     @property
     def size(self) -> int:
         """Number of nuisance parameters."""
-        return self.sea.size + (self.channels.count > 1) + self.channels.count
+        return self.place.stop + self.channels.count
+
+    @cached_property
+    def errors(self) -> RelativeErrors:
+        """The errors of X."""
+        return RelativeErrors.of(self.model.n, np.unique(self.channels.dof), self.force_error, self.channels.frequency)
+
+    @property
+    def place(self) -> slice:
+        """Where the errors of X stand in v."""
+        first = self.sea.size + (self.channels.count > 1)
+        return slice(first, first + self.errors.size)
+
+    def with_errors(self, v: FloatArray, haskind: Haskind, omega: FloatArray) -> Haskind:
+        """Return Haskind's relation at omega [rad/s] with the errors of X."""
+        return self.errors.applied(v[self.place], haskind, omega)
 
     @property
     def families(self) -> tuple[str, ...]:
-        """Families of seas that compete: of several motions, whose ratio tells of the body in any sea, fewer."""
+        """Families of seas that compete, the first the one that climbs start with.
+
+        Of several motions, whose ratio tells of the body in any sea, fewer, and none that is exact: the level of its
+        spectrum would follow what is unexplained, which is not the same share at all frequencies, and the body with it.
+        """
         known = self.sea.prior.families
-        return tuple(known) if self.channels.count == 1 else ("one system", "departing", "free")
+        return tuple(known) if self.channels.count == 1 else ("departing", "free")
 
     @cached_property
     def band(self) -> tuple[float, float]:
@@ -93,15 +113,15 @@ class SpectralLikelihood:
         return tuple(np.asarray((1j * frequencies(part)[:, None]) ** self.channels.derivative / self.channels.rms,
                                 dtype=np.complex128) for part in self.coefficients)
 
-    def responses(self, number: int, u: FloatArray) -> ComplexArray:
+    def responses(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return channels per wave amplitude, in units of each channel's rms, shape (..., nw, p)."""
         w = frequencies(self.coefficients[number])
-        motion = receptance_times_X(self.model, self.form, u, w, self.haskind[number])[1]
+        motion = receptance_times_X(self.model, self.form, u, w, self.with_errors(v, self.haskind[number], w))[1]
         return np.asarray(motion[..., self.channels.dof] * self._factors[number])
 
     def spectra(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return cross spectra of the channels, shape (..., nw, p, p), of u (..., n_u) and one v."""
-        g = self.responses(number, u)
+        g = self.responses(number, u, v)
         S = self.sea.density(v[:self.sea.size], self.coefficients[number].fine)
         if self.channels.count == 1:
             return np.asarray((np.abs(g[..., 0]) ** 2 * S)[..., None, None])
@@ -116,13 +136,24 @@ class SpectralLikelihood:
         share, n, end = self.unexplained(v), u.size * body, self.sea.size
         own, density = np.eye(self.channels.count), self.sea.density(v[:end], self.coefficients[number].fine)
         w, dof, factor = frequencies(self.coefficients[number]), self.channels.dof, self._factors[number]
+        haskind, slopes = self.with_errors(v, self.haskind[number], w), None
         if body:
-            motion, slopes = motion_slopes(self.model, self.form, u, w, self.haskind[number])
-            other = np.conj(motion[:, dof] * factor)[:, None, :]
-            for rows, some in slopes:
-                half = (some[..., dof] * factor * density[:, None])[..., None] * other
-                cross = (half + np.conj(half.swapaxes(-1, -2))) * (1.0 + share * own)
-                yield rows, np.asarray(cross if self.channels.count > 1 else cross.real)
+            motion, slopes = motion_slopes(self.model, self.form, u, w, haskind)
+        else:
+            motion = receptance_times_X(self.model, self.form, u, w, haskind)[1]
+        other = np.conj(motion[:, dof] * factor)[:, None, :]
+
+        def cross(some: ComplexArray) -> ComplexArray:
+            half = (some[..., dof] * factor * density[:, None])[..., None] * other
+            both = (half + np.conj(half.swapaxes(-1, -2))) * (1.0 + share * own)
+            return np.asarray(both if self.channels.count > 1 else both.real)
+
+        for rows, some in slopes or ():
+            yield rows, cross(some)
+        if self.errors.size:
+            alone = np.stack([receptance_times_X(self.model, self.form, u, w, replace(haskind, X=haskind.X * only))[1]
+                              for only in np.eye(self.model.n)])
+            yield slice(n + self.place.start, n + self.place.stop), cross(self.errors.slopes(alone, w))
         yield slice(n, n + end), self.sea.log_slopes(v[:end], self.coefficients[number].fine)[:, :, None, None] * S
         if self.channels.count > 1:
             least = self.rules.least_unexplained
@@ -175,7 +206,7 @@ def frequencies(part: Coefficients) -> FloatArray:
     return np.maximum(part.fine, part.spacing / part.finer)
 
 
-def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, *,
+def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, force_error: float = 0.0, *,
                         rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
@@ -200,9 +231,10 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     ends = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
     count = int(np.clip(round(np.log(ends[1] / ends[0]) / rules.knot_spacing) + 1, *rules.knots))
     sea = SeaModel(1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count))
-    likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules)
+    likelihood = SpectralLikelihood(model, form, channels, parts, sea, rules, force_error)
     likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
-    return replace(likelihood, sea=_first_guess(likelihood)), relation(model, form, parts[0].omega)[1]
+    sea = replace(_first_guess(likelihood), name=likelihood.families[0])
+    return replace(likelihood, sea=sea), relation(model, form, parts[0].omega)[1]
 
 
 def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:
@@ -236,7 +268,8 @@ def one_each(channels: Channels) -> Channels:
 def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:
     """Return the sea with Hs [m], Tp [s], level from the motion by the prior mean's response, on a grid of periods."""
     part, sea = max(likelihood.coefficients, key=lambda item: item.y.size), likelihood.sea
-    g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size))) ** 2
+    g = np.abs(likelihood.responses(likelihood.coefficients.index(part), np.zeros(likelihood.form.size),
+                                    np.zeros(likelihood.size))) ** 2
 
     def seen(S: FloatArray) -> FloatArray:
         return part.local_average((g.T * S).astype(complex)[:, :, None, None])[:, :, 0, 0].T.real

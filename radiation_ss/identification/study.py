@@ -30,7 +30,7 @@ class Settings:
     tolerance : float or mapping of str to float, optional
         Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
         0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
-        is larger; "sensor" (gain of the motion sensors): 0.005. "force" and "sensor" enter where the force is known,
+        is larger; "sensor" (gain of the motion sensors): 0.005. "sensor" enters where the force is known, "force" and
         "kernel" there and with several degrees of freedom.
     point_tolerance : float
         Relative standard deviation of K at the points.

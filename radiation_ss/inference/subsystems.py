@@ -132,6 +132,9 @@ def subsystems_of(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None =
             if den.size > MAX_ORDER:
                 raise InputError(f"fit: entry {fit.dofs[j]}-{fit.dofs[k]} has order {den.size}, the filter takes up to "
                                  f"{MAX_ORDER}; fit entry by entry or with a lower order")
+            # A coefficient that is next to nothing at the poles' frequency is zero, and stays so: K(0) = 0.
+            size = np.abs(num) * np.abs(den[0]) ** (np.arange(den.size) / den.size)
+            num = np.where(size > 1e-8 * size.max(), num, 0.0)
             kept.append((j, k))
             orders.append(den.size)
             theta += [*den, *num]

@@ -1,0 +1,85 @@
+"""Motion only, two degrees of freedom: what an X that is not exact leaves of what their ratio tells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_tank import jonswap
+from test_identify_known import sway_roll
+
+from radiation_ss import HydroData, Record, identify
+from radiation_ss.identification import Race, Settings, Study, motion_channels, spectral_likelihood
+from radiation_ss.inference import parametrise
+
+AT = np.linspace(0.8, 2.6, 20)
+
+
+def exciting(w):
+    """Return X of both modes, (nw, 2): sway with the slope, roll against it."""
+    return np.stack([60.0 * w / (1.0 + 0.3 * w**2), -9j * w / (1.0 + 0.2 * w**2)], axis=1)
+
+
+def model_and_record(seed, error, duration=300.0, dt=0.1):
+    """Return a model whose K is 13 % low and whose X is `error` off, smooth and complex, and a record of its body."""
+    rng = np.random.default_rng(seed)
+    start, phase = sway_roll(), rng.uniform(0.0, 2.0 * np.pi, (2, 2))
+    table = np.linspace(0.1, 8.0, 80)
+    K = start.fit.frequency_response(table)
+    data = HydroData(table, start.A_inf + K.imag / table[:, None, None], K.real, A_inf=start.A_inf, dofs=start.dofs,
+                     M=start.M, C=start.C, X=exciting(table)[:, None, :])
+    step = 2.0 * np.pi / (8.0 * duration)
+    w = step * np.arange(1, int(8.0 / step))
+    amplitude = (rng.standard_normal(w.size) + 1j * rng.standard_normal(w.size)) * np.sqrt(jonswap(w, 1.0, 4.0) * step)
+    off = np.sin(1.5 * np.log(w)[:, None, None] + phase) @ (1.0, 1j)
+    F = exciting(w) * np.exp(error * off) * amplitude[:, None]
+    true = 1.15 * start.fit.frequency_response(w)
+    Z = -(w**2)[:, None, None] * (start.M + start.A_inf) + 1j * w[:, None, None] * true + start.C
+    y = np.fft.irfft(np.vstack([np.zeros((1, 2)), np.linalg.solve(Z, F[:, :, None])[:, :, 0]]),
+                     8 * round(duration / dt), axis=0)[:round(duration / dt)]
+    y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    return start.replace(hydro=data), Record(dt * np.arange(y.shape[0]), dict(zip(start.dofs, y.T)), name="sea")
+
+
+def likelihood(seed, error=0.05):
+    model, record = model_and_record(seed, 0.05)
+    form = parametrise(model.fit, model.A_inf, 0.15).with_nominal(Settings().tolerances | {"sensor": 0.0}, model.M)
+    part, _ = spectral_likelihood(model, form, motion_channels(model, record), error)
+    return model, form, record, part
+
+
+def test_slopes_by_the_errors_of_X_are_those_of_the_likelihood():
+    _, form, _, part = likelihood(0)
+    rng = np.random.default_rng(0)
+    u, v = 0.3 * rng.standard_normal(form.size), 0.3 * rng.standard_normal(part.size)
+    gradient = part.local(u, v)[1]
+    for i in range(part.size):
+        step = 1e-5 * np.eye(part.size)[i]
+        slope = (part.value(u, v + step) - part.value(u, v - step)) / 2e-5
+        assert gradient[u.size + i] == pytest.approx(slope, rel=1e-4, abs=1e-2)
+    same, other = part.place, replace(part, force_error=0.0)
+    assert part.size - other.size == same.stop - same.start == 2 * 5       # one ratio: real and imaginary part
+    left = np.delete(v, range(same.start, same.stop))
+    assert part.value(u, v) != pytest.approx(other.value(u, left), abs=1.0)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_climb_along_the_ridge_reaches_one_mode_from_any_body(seed):
+    model, form, record, part = likelihood(seed)
+    study = Study(model, form, (record,), None, None, 0, np.random.default_rng(0), Settings())
+    target, rng, values = study.target([part]), np.random.default_rng(seed), []
+    for size in (0.0, 0.7, 0.7):
+        start = np.r_[size * rng.standard_normal(form.size), np.zeros(part.size)]
+        values.append(Race(ridge=300).climb(target, start, model.n).value)
+    assert np.ptp(values) < 1.0
+
+
+def test_bands_hold_the_body_where_X_is_as_exact_as_stated():
+    covered = {0.0: [], 0.05: []}
+    for seed in range(3):
+        model, record = model_and_record(seed, 0.05)
+        K = 1.15 * model.fit.frequency_response(AT)
+        for stated, rows in covered.items():
+            found = identify(model, record, omega=AT, tolerance={"force": stated})
+            rows.append(np.mean([(f(found.K.lower) <= f(K)) & (f(K) <= f(found.K.upper)) for f in (np.real, np.imag)]))
+    assert np.mean(covered[0.05]) > 0.9 and min(covered[0.05]) > 0.6
+    assert np.mean(covered[0.0]) < 0.8      # an X that is taken as exact goes into the body
