@@ -200,3 +200,16 @@ def test_a_pull_in_roll_says_nothing_of_heave_which_it_leaves_at_rest(colour):
     found = rss.diagnose(model, [decay(0.3, 0.1, "1"), static], withhold=decay(0.2, 0.05, "2"))
     assert [(e.name, e.dof) for e in found.verdict.effects] == [("quadratic_drag", "Heave")]
     assert all(abs(number.value) < 3.0 * number.tolerance for number in found.recalibrated)
+
+
+def test_noise_of_a_withheld_sweep_is_its_own():
+    """It goes higher than those of the fit, so the motion's noise makes more force of it: no gap is left by that."""
+    dof, numbers, size, middle = HEAVE
+    seen = [driven(dof, numbers, size * share, middle, lambda x, v: 0.0 * v, seed)
+            for seed, share in ((1, 0.8), (2, 1.0))]
+    found = rss.diagnose(model_of(dof, *numbers), seen,
+                         withhold=[driven(dof, numbers, size, 2.0 * middle, lambda x, v: 0.0 * v, 9)])
+    lower = rss.diagnose(model_of(dof, *numbers), seen,
+                         withhold=[driven(dof, numbers, size, middle, lambda x, v: 0.0 * v, 9)])
+    assert found.verdict.status == lower.verdict.status == "no_gap"
+    assert found.how_far.gap_after < 1.3 * found.how_far.noise_floor

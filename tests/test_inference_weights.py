@@ -4,9 +4,10 @@ import control as ct
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
-from radiation_ss.inference import compliance, measured_motion, projected_on
+from radiation_ss.inference import compliance, measured_motion, narrow_resonance, noise_at_resonance, projected_on
 
 INERTIA, DAMPING, STIFFNESS = 10.0, 1.0, 40.0  # kg, N s/m, N/m: 2 rad/s, 2.5 % of critical damping
 MODEL = rss.body(dof="Sway", mass=INERTIA, added_mass=0.0, C=STIFFNESS,
@@ -64,3 +65,55 @@ def test_a_free_body_goes_as_far_as_the_record_is_long():
     found = compliance(MODEL.replace(C=[[0.0]]), run)[0]
     assert np.all(np.isfinite(found)) and found.sum() < 1.0 / (INERTIA / time[-1] ** 2) ** 2
     assert np.argmax(found.sum(axis=1)) == 0
+
+
+@pytest.mark.parametrize("share", [0.25, 4.0])
+def test_a_narrow_resonance_is_moved_as_one_and_a_wide_one_row_by_row(share):
+    """Fourier components at the resonance make most of the motion by a white force, and how blocks go together.
+
+    40 records of 300 s show both within chance.
+    """
+    model = MODEL.replace(D=[[share * DAMPING]])
+    rng, time, start = np.random.default_rng(3), np.arange(0.0, 300.0, 0.2), 1000
+    (F, G), paths = model.matrices(), []
+    body = ct.ss(F, G, [[1.0, 0.0]], 0)
+    for _ in range(40):
+        force = rng.standard_normal(time.size + start)
+        response = ct.forced_response(body, 0.2 * np.arange(force.size), force)
+        # The start is free in every fit: what rings on from before is none of the record's.
+        before = ct.forced_response(body, time, 0.0, response.states[:, start]).outputs
+        paths.append(response.outputs[start:] - before)
+    run = measured_motion(model, rss.Record(time, {"Sway": paths[0], "Sway_force": force[start:]}, kind="forced"))
+    at, bins = narrow_resonance(model, run, 0), run.basis[0].omega
+    assert (at.size > 0) == (share < 1.0)
+    if not at.size:
+        return
+    assert at.min() < np.sqrt(STIFFNESS / INERTIA) < at.max()
+    size = np.sqrt(2.0 * 0.2 / run.dt / run.time.size)  # of a force that is white in finer steps
+    forces = size * np.concatenate([wave(at[:, None] * run.time) for wave in (np.cos, np.sin)])
+    k, middle = int(np.argmin(np.abs(bins - 2.0))), slice(len(run.basis) // 4, -len(run.basis) // 4)
+    rows, made = (projected_on(run.basis, some)[:, middle, k]
+                  for some in (CubicSpline(time, paths, axis=1)(run.time),
+                               np.array([ct.forced_response(body, run.time, f).outputs for f in forces])))
+    one = np.mean(rows**2)
+    assert abs(np.log(np.mean(np.sum(made**2, axis=0)) / one)) < 0.2 + 5.0 * np.sqrt(2.0 / 40.0)
+    together, told = (np.mean(np.sum(some[:, :-1] * some[:, 1:], axis=0)) / count for some, count in
+                      ((rows, len(paths)), (made, 1)))
+    assert abs(told - together) < 5.0 * one * np.sqrt(1.0 / 40.0)
+    assert abs(told) > 0.2 * one
+
+
+def test_noise_of_a_recorded_force_moves_a_body_at_its_resonance():
+    """A quiet sea, and white noise on the force alone: by SciPy's response to it, as large as what is said."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 300.0, 0.1)
+    model = MODEL.replace(D=[[0.25 * DAMPING]])
+    sea, noise = np.sin(5.0 * time) + np.sin(5.5 * time), 0.1 * rng.standard_normal((20, time.size))
+    body = ct.ss(*model.matrices(), [[1.0, 0.0]], 0)
+    record = rss.Record(time, {"Sway": ct.forced_response(body, time, sea).outputs, "Sway_force": sea + noise[0]},
+                        kind="waves")
+    run = measured_motion(model, record)
+    made = np.array([ct.forced_response(body, run.time, f).outputs for f in noise_at_resonance(model, run, 0)])
+    true = np.array([ct.forced_response(body, time, f).outputs for f in noise])
+    assert abs(np.log(np.mean(np.sum(made**2, axis=0)) / np.mean(true**2))) < 0.2 + 5.0 * np.sqrt(2.0 / 20.0)
+    still = measured_motion(model, rss.Record(time, {"Sway": np.exp(-0.02 * time) * np.cos(2.0 * time)}, kind="decay"))
+    assert not noise_at_resonance(model, still, 0).size

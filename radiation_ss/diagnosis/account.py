@@ -17,7 +17,8 @@ from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import coloured_noise, noise_of
+from radiation_ss.inference.readings import noise_of
+from radiation_ss.inference.recorded_force import recorded_noise
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.trajectory_fit import fit_trajectories
 from radiation_ss.records.record import Record
@@ -141,7 +142,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
     """
     problem, best = found.problem, pair.best
     model, unseen = problem.model, [r for r in data.unseen if predictable(problem.model, r)]
-    runs = [*problem.runs, *(data.withheld.runs if data.withheld is not None else ())]
+    problems = [problem, *([] if data.withheld is None else [data.withheld])]
     given = pair.errors((), unseen) if unseen else None
     if not given:
         return Budget((), 0.0, 0.0, 0.0, ()), {}
@@ -166,7 +167,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
               for k, row in enumerate(slow)}
     predictions["recalibrated"] = pair.errors(null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
-    noise = [noise_level(problem, pair, error, runs) for error in given]
+    noise = [noise_level(problems, pair, error) for error in given]
     # A gap relative to a motion that its sensor cannot see is none.
     seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if np.var(e.measured) > sd**2] or list(range(len(given)))
 
@@ -191,18 +192,18 @@ def place(active: Active) -> str:
     return f"{active.dof},{active.other}" if active.other else active.dof
 
 
-def noise_level(problem: EquationError, pair: Fitted, error: Error, runs: Sequence[MeasuredMotion]) -> float:
-    """Return the standard deviation of a sensor's noise a sample, in the record itself where it is among the runs.
+def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -> float:
+    """Return the standard deviation of a sensor's noise a sample, in the record itself where a problem has it.
 
     The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
     than in the band. The noise of a recorded force moves what is predicted with it. A force that is predicted has the
     noise of its own sensor, and that of the motion through the impedance.
     """
     if error.quantity == "force":
-        return driven_noise(problem, pair, error.dof)
-    factor = float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
+        return driven_noise(problems, pair, error)
+    problem, factor = problems[0], float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
     step, levels = float(np.median(np.diff(error.time))), []
-    measured = [run for run in runs if run.free[error.dof]]
+    measured = [run for each in problems for run in each.runs if run.free[error.dof]]
     for run in [run for run in measured if run.record.name == error.record] or measured:
         band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
         spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
@@ -231,22 +232,17 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
     return total
 
 
-def recorded_noise(run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
-    """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
-    if run.force is None or run.prescribed or not np.any(run.force[i]):
-        return np.zeros_like(at)
-    return coloured_noise(run.force[i], run.dt, run.omega[i], at)
-
-
-def driven_noise(problem: EquationError, pair: Fitted, dof: int) -> float:
+def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) -> float:
     """Return the standard deviation of noise in the force that a prescribed motion needs."""
-    factor, found = float(np.exp(pair.candidate.posterior.sizes.noise[dof])), []
-    for place in problem.places:
-        run = problem.runs[place.record]
-        if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
-            through = factor**2 * float(np.sum(problem.rows.noise[place.rows])) / run.time.size
-            found.append(through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2)
-    return float(np.sqrt(np.mean(found))) if found else 0.0
+    dof, factor = error.dof, float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
+    found = dict[str, float]()
+    for problem in problems:
+        for place in problem.places:
+            run = problem.runs[place.record]
+            if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
+                through = factor**2 * float(np.sum(problem.rows.noise[place.rows])) / run.time.size
+                found[run.record.name] = through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2
+    return float(np.sqrt(found.get(error.record, np.mean([*found.values()] or [0.0]))))
 
 
 def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.diagnosis.account import Data, Fitted, carried, recorded_noise
+from radiation_ss.diagnosis.account import Data, Fitted, carried
 from radiation_ss.diagnosis.prediction import cosines, energy, without_slow
 from radiation_ss.diagnosis.result import Named
 from radiation_ss.diagnosis.rules import Rules
@@ -20,6 +20,7 @@ from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.recorded_force import recorded_noise
 from radiation_ss.inference.rows import Place, force_noise
 from radiation_ss.records.record import Record
 

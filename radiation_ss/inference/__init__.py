@@ -14,6 +14,7 @@ __getattr__, __all__ = door(__name__, {
     "own": "Own",
     "points": "point_values",
     "prior": "parametrise",
+    "recorded_force": "narrow_resonance noise_at_resonance",
     "regression": "learn size_gradient solve",
     "rows": "force_noise",
     "score": "gains",

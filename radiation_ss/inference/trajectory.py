@@ -13,7 +13,7 @@ from scipy.stats import norm
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
-from radiation_ss.errors import SolverError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, own_force, scales_at
 from radiation_ss.inference.equation import (
     LEFT_OUT,
@@ -24,6 +24,7 @@ from radiation_ss.inference.equation import (
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.recorded_force import noise_at_resonance
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
@@ -53,7 +54,8 @@ def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
 class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
-    Effects with numbers of each record's own (slow forces) act as the equation error found them.
+    Effects with numbers of each record's own (slow forces) act as the equation error found them. The unknowns are
+    nominal numbers and effects' parameters, then of each record its start, errors of its readings and of its force.
 
     Parameters
     ----------
@@ -69,14 +71,18 @@ class Trajectories:
     rough : float
         Derivatives are taken in the longest steps that leave this share of the motion: their error shifts the numbers
         by about as small a share of their own standard deviations, at a cost that falls with the number of steps.
+    most : int
+        Steps in all records up to which effects shorten them.
 
-    The unknowns are nominal numbers and effects' parameters, then of each record its start, errors of its readings and
-    of its force.
+    Raises
+    ------
+    InputError
+        If effects set in so sharply that more steps are needed.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
-                 zero: float = 0.05, rough: float = 1e-2) -> None:
+                 zero: float = 0.05, rough: float = 1e-2, most: int = 500_000) -> None:
         self.problem, self.candidate, self.stated = problem, candidate, tolerance
         first = self.first = from_regression(problem, candidate, tolerance)
         self.tolerance = candidate.posterior.sizes.tolerance
@@ -90,8 +96,10 @@ class Trajectories:
         h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
                     for actives in ((), effects))
         self.base = vector_of(self.actives)
-        coarse = 0.0
+        coarse, duration = 0.0, sum(float(np.ptp(problem.runs[r].time)) for r in self.records)
         while h > 2.0 * least and not self._followed(h, 1e-3):
+            if duration / h > most:
+                raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
             coarse = coarse or h * self._followed(h, rough)
             h *= 0.5
         coarse, h = coarse or h, max(0.5 * h, least)
@@ -229,6 +237,8 @@ class Trajectories:
         forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
                   for values in (unexplained_forces(problem, run, int(i), self.candidate.posterior.sizes)
                                  if unexplained else [])]
+        forces += [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
+                   for values in noise_at_resonance(problem.model, run, int(i))]
         if LEFT_OUT in problem.labels:
             forces.append(radiation_left_out(problem.model, run).force.T)
         moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]

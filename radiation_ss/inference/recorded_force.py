@@ -1,0 +1,58 @@
+"""The noise of a recorded exciting force, and what it moves where a motion rings for long."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.inference.effect_features import impedance
+from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.readings import coloured_noise
+
+
+def recorded_noise(run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
+    """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
+    if run.force is None or run.prescribed or not np.any(run.force[i]):
+        return np.zeros_like(at)
+    return coloured_noise(run.force[i], run.dt, run.omega[i], at)
+
+
+def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:
+    """Return the noise of a recorded force at a narrow resonance of its motion, by its Fourier components (k, nt).
+
+    Each has one standard deviation. What they move goes on for longer than a block of the rows lasts: the errors that
+    they make of one block and the next are not independent.
+    """
+    omega, time = narrow_resonance(model, run, i), run.time - run.time[0]
+    size = np.sqrt(2.0 / time.size) * recorded_noise(run, i, omega)[:, None]
+    found = np.concatenate([size * wave(omega[:, None] * time) for wave in (np.cos, np.sin)])
+    return np.asarray(found[np.any(found, axis=1)])
+
+
+def narrow_resonance(model: Model, run: MeasuredMotion, i: int, narrow: float = 0.25, wide: float = 2.0) -> FloatArray:
+    """Return the frequencies of a record at a resonance of one motion that rings for longer than a block lasts, (k,).
+
+    Parameters
+    ----------
+    model : Model
+    run : MeasuredMotion
+    i : int
+    narrow : float
+        Rate of decay, in widths of a bin, from which the blocks are taken as independent.
+    wide : float
+        Half the band, in rates of decay or in what the record tells apart.
+    """
+    stiffness, bins, apart = model.C[i, i], run.basis[0].omega, 2.0 * np.pi / (run.time[-1] - run.time[0])
+    if stiffness <= 0.0:
+        return np.zeros(0)
+    omega = natural_frequency(model, i)
+    for _ in range(3):  # the added mass is that at the resonance
+        Z = impedance(model, np.array([omega]))[0, i, i]
+        omega *= float(np.sqrt(stiffness / max(stiffness - Z.real, 0.1 * stiffness)))
+    rate = 0.5 * Z.imag * omega / stiffness
+    if rate > narrow * 2.0 * bins[0] or omega > bins[-1]:
+        return np.zeros(0)
+    at = np.asarray(apart * np.arange(1, int(bins[-1] / apart) + 1), dtype=np.float64)
+    return at[np.abs(at - omega) <= wide * max(rate, apart)]
