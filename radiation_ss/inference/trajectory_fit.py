@@ -214,23 +214,28 @@ def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatAr
     try:
         damping, now = 1.0, trial.at(q)
         for left in reversed(range(rules.iterations + 1)):
-            before, (q, now, damping) = now.cost, better(trial, q, now, damping)
+            before, (q, now, damping) = now.cost, better(trial, q, now, damping, rules.gain)
             if before - now.cost < rules.gain * now.cost:
                 break
             while before - now.cost > rules.kept * now.cost:
-                before, (q, now, _) = now.cost, better(trial, q, now, damping, tries=1)
+                before, (q, now, _) = now.cost, better(trial, q, now, damping, rules.gain, tries=1)
             now = trial.at(q) if left else now
     except (SolverError, np.linalg.LinAlgError):
         return None
     return q, now
 
 
-def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float,
+def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float, gain: float,
            tries: int = 8) -> tuple[FloatArray, Normal, float]:
-    """Return a better point, its normal equations and the damping to go on with; the point itself if there is none."""
+    """Return a better point, its normal equations and the damping to go on with.
+
+    The point itself if there is none, or linear theory promises less than a relative `gain`.
+    """
     for _ in range(tries):
         # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
         new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
+        if (new - q) @ (2.0 * now.slope - now.information @ (new - q)) < gain * now.cost:
+            break
         try:
             found = trial.near(new, now)
         except SolverError:
