@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
-from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.readings import coloured_noise
 
@@ -44,15 +43,10 @@ def narrow_resonance(model: Model, run: MeasuredMotion, i: int, narrow: float = 
     wide : float
         Half the band, in rates of decay or in what the record tells apart.
     """
-    stiffness, bins, apart = model.C[i, i], run.basis[0].omega, 2.0 * np.pi / (run.time[-1] - run.time[0])
-    if stiffness <= 0.0:
-        return np.zeros(0)
-    omega = natural_frequency(model, i)
-    for _ in range(3):  # the added mass is that at the resonance
-        Z = impedance(model, np.array([omega]))[0, i, i]
-        omega *= float(np.sqrt(stiffness / max(stiffness - Z.real, 0.1 * stiffness)))
-    rate = 0.5 * Z.imag * omega / stiffness
-    if rate > narrow * 2.0 * bins[0] or omega > bins[-1]:
+    modes, bins, apart = natural_modes(model), run.basis[0].omega, 2.0 * np.pi / (run.time[-1] - run.time[0])
+    omega, ratio = 2.0 * np.pi / modes.period[i], modes.ratio[i]
+    rate = ratio * omega / np.sqrt(np.maximum(1.0 - ratio**2, 1e-12))
+    if not rate <= narrow * 2.0 * bins[0] or omega > bins[-1]:  # without a resonance the rate is nan
         return np.zeros(0)
     at = np.asarray(apart * np.arange(1, int(bins[-1] / apart) + 1), dtype=np.float64)
     return at[np.abs(at - omega) <= wide * max(rate, apart)]
