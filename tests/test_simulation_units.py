@@ -212,3 +212,19 @@ def test_a_static_load_in_kilograms_is_told():
     assert not doubts(model, record)
     (said,) = doubts(model, record.with_channels(Heave_force=800.0 / 9.80665 * place))
     assert "0.102 times the force" in said and "kgf" in said
+
+
+def test_a_body_that_friction_holds_passes_where_a_static_load_heels_it_as_stated():
+    """Creep through friction of 297 N m s/rad where the model swings freely: a fiftieth of its motion."""
+    model = rss.body(dof="Roll", mass=1000.0, GM=0.08, gyradius=0.35, period=2.5, damping_ratio=0.02)
+    t, C = 0.05 * np.arange(4000), float(model.C[0, 0])
+    moment = np.sum([np.cos(w * t + k) for k, w in enumerate(np.linspace(1.5, 3.5, 30))], axis=0)
+    creep = np.zeros(t.size)
+    for k in range(t.size - 1):  # 60 times the critical damping leaves no inertia
+        creep[k + 1] = creep[k] + 0.05 * (moment[k] - C * creep[k]) / (120.0 * C / 2.5)
+    held = Record(t, {"Roll": creep, "Roll_force": moment}, kind="forced", name="held")
+    heel = np.linspace(-0.08, 0.08, 9)
+    static = Record(np.arange(9.0), {"Roll": heel, "Roll_force": C * heel}, kind="static", name="heeled")
+    check_units(model, [held, static])
+    with pytest.raises(InputError, match=r"record held, .*times as much as the model"):
+        check_units(model, [held])

@@ -57,7 +57,6 @@ def hydrodynamic() -> list[Effect]:
                summary="restoring that follows the wave elevation, as in parametric roll: -(k1 h + k2 h') x"),
         Effect("wave_drift", {"coefficient": P("F/m^2", slab=lambda s: 0.1 * s.force / s.elevation**2)},
                lambda s, p: p.coefficient * s.envelope**2, family="input", linear=True, needs="waves", rare=True,
-               modes=("Surge", "Sway", "Yaw"),
                summary="slowly varying drift with the squared envelope of the waves: c A^2 (Newman 1974)"),
         Effect("slamming",
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),

@@ -20,4 +20,5 @@ __getattr__, __all__ = door(__name__, {
     "score": "gains",
     "scales": "channels scales_of",
     "subsystems": "Subsystems subsystems_of",
+    "trajectory_fit": "bounded_step",
 })

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -225,6 +226,23 @@ def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatAr
     return q, now
 
 
+def bounded_step(matrix: FloatArray, slope: FloatArray, q: FloatArray,
+                 inside: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the point at which a quadratic of this matrix and negative slope at q is lowest within bounds.
+
+    `inside` brings a point within its bounds. What meets one stays there, and the rest is lowest beside it.
+    """
+    step, free = np.zeros(q.size), np.ones(q.size, dtype=bool)
+    while True:
+        right = slope[free] - matrix[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+        point = inside(q + step)
+        met = free & (np.abs(point - q - step) > 1e-9 * (1.0 + np.abs(step)))
+        if not met.any():
+            return point
+        free, step = free & ~met, point - q
+
+
 def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float, gain: float,
            tries: int = 8) -> tuple[FloatArray, Normal, float]:
     """Return a better point, its normal equations and the damping to go on with.
@@ -233,7 +251,7 @@ def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float, gain
     """
     for _ in range(tries):
         # The unknowns are in units of their priors: what the data hardly tell is not held back more than by its prior.
-        new = trial.inside(q + np.linalg.solve(now.information + damping * np.eye(q.size), now.slope))
+        new = bounded_step(now.information + damping * np.eye(q.size), now.slope, q, trial.inside)
         if (new - q) @ (2.0 * now.slope - now.information @ (new - q)) < gain * now.cost:
             break
         try:

@@ -49,10 +49,9 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
         return
     for dof in model.dofs:
         yield from signals.column_conflicts(record, dof)
-    # Friction or a stop may hold a body that moves as the model where the force is larger.
+    # Friction or a stop may hold a body that moves as the model where the force is larger, or that a static load heels.
     off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
-        name == dof and times is None for other in records if other is not record
-        for name, _, times in against_model(model, other))]
+        moves_as(model, other, dof) for other in records if other is not record)]
     if off := off + turned(model, record):
         kind, text = misread(model, record) or ("", "")
         yield from [text] if kind == "order" else off
@@ -222,6 +221,13 @@ def against_model(model: Model, record: Record,
         size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
         if np.abs(np.vdot(measured, predicted)) / size >= coherent:
             yield dof, tuple(have), signals.factor_between(omega, measured, predicted)
+
+
+def moves_as(model: Model, record: Record, dof: str) -> bool:
+    """Whether a motion has the model's size under the force that a record states."""
+    if record.kind == "static":
+        return 1.0 / FACTOR < _slopes(model, record).get(model.dofs.index(dof), 0.0) < FACTOR
+    return any(name == dof and times is None for name, _, times in against_model(model, record))
 
 
 def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
