@@ -37,7 +37,8 @@ SAME = ({"sensor_gain", "excitation_gain"}, {"sensor_delay", "excitation_delay",
 
 # Causes whose labels were made before the library had their effects.
 SINCE = {"end stops on both sides": {"end_stop"}, "water on deck that drains slowly": {"water_on_deck"},
-         "slowly varying drift force (Newman)": {"wave_drift"}, "relative_damping": {"linear_morison_drag"}}
+         "slowly varying drift force (Newman)": {"wave_drift"}, "relative_damping": {"linear_morison_drag"},
+         "slamming": {"wave_slamming"}}
 
 
 def posed(case: Path) -> tuple[rss.Model, list[rss.Record], list[rss.Record], dict]:

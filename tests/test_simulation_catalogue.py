@@ -184,6 +184,17 @@ def test_slamming_takes_energy_on_the_way_out_only():
             0.09 < x < 0.11)
 
 
+def test_waves_slam_while_they_rise_over_a_level_of_the_body():
+    effect, rng = effect_named("wave_slamming"), np.random.default_rng(1)
+    p = named(effect, [3.0, 0.1, 0.001])
+    for x, v, height, rate in rng.normal(0.0, 0.5, (200, 4)):
+        s = type("S", (), {"x": x, "v": v, "elevation": height, "elevation_rate": rate})()
+        over, speed = height - x - 0.1, rate - v
+        if abs(over) > 0.01:
+            expected = 3.0 * speed**2 if min(over, speed) > 0.0 else 0.0
+            assert float(effect.force(s, p)) == pytest.approx(expected, abs=1e-6)
+
+
 @pytest.mark.parametrize("name, values, matrix", [
     ("relative_damping", {"coefficient": 4e5}, "D"), ("relative_stiffness", {"stiffness": 3e5}, "C")])
 def test_a_joint_is_the_matrix_of_both_bodies(name, values, matrix):

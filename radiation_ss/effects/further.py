@@ -64,8 +64,16 @@ def hydrodynamic() -> list[Effect]:
                            upper=lambda s: s.farthest),
                 "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
                 "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
-               slam, halvings=1, rare=True,
+               lambda s, p: -p.side * p.coefficient * closing(p.side * s.x, p.side * s.v, p), halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
+        Effect("wave_slamming",
+               {"coefficient": P("F/(m/s)^2", 1, slab=lambda s: s.force / (s.omega * s.elevation) ** 2),
+                "level": P("m", 0, lambda s: s.elevation, freeboards, lower=0.0, upper=lambda s: 6.0 * s.elevation),
+                "width": P("m", 1, starts=lambda s: (0.05 * s.elevation,), fixed=True)},
+               lambda s, p: p.coefficient * closing(s.elevation - s.x, s.elevation_rate - s.v, p), halvings=1,
+               needs="waves", rare=True, modes=("Heave",),
+               summary="an impact of the water on flare or deck while it rises past a level: c (h' - v)^2 where h - x "
+                       "is beyond it (von Karman 1929)"),
         Effect("water_on_deck",
                {"stiffness": P("F/X", 1),
                 "freeboard": P("m", 1, lambda s: s.elevation, freeboards, lower=lambda s: 0.1 * s.elevation,
@@ -126,11 +134,9 @@ def over_a_weir(level: Any, freeboard: Any) -> Any:
     return over * ca.sqrt(over / freeboard)
 
 
-def slam(s: Any, p: Any) -> Any:
-    """Return an impact's force: beyond the level, against the velocity while it goes outwards."""
-    beyond = 0.5 * (1.0 + ca.tanh((p.side * s.x - p.level) / p.width))
-    outwards = 0.5 * (s.v * s.v + p.side * s.v * ca.fabs(s.v))
-    return -p.side * p.coefficient * beyond * outwards
+def closing(x: Any, v: Any, p: Any) -> Any:
+    """Return the square of a velocity that goes on beyond a level, 0 on the way back."""
+    return 0.5 * (1.0 + ca.tanh((x - p.level) / p.width)) * 0.5 * (v * v + v * ca.fabs(v))
 
 
 @cache
