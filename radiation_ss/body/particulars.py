@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
-ELSEWHERE = {"stiffness": "C"}  # names that the command line, and tolerances, have
+ELSEWHERE = {"gm": "GM", "stiffness": "C"}  # names that the command line, and tolerances, have
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 
 
