@@ -5,10 +5,10 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
     "channels": "known_force motion_channels",
-    "families": "Race",
     "force": "ForceSpectra smooth_one total_deviation",
     "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
+    "motion_only": "Race",
     "result": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "SpectralRules spectral_likelihood",
