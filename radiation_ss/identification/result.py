@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.filter.estimate import Band, plants_of
+from radiation_ss.filter.members import least_distance
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import Parametrisation
@@ -92,7 +92,7 @@ def most_probable_passive(form: Parametrisation, theta: FloatArray, draws: Float
     _, size, axes = np.linalg.svd((draws - draws.mean(axis=0)) / spread, full_matrices=False)
     used = size > 1e-6 * size[0]
     steps = (size[used, None] / np.sqrt(draws.shape[0]) * axes[used]) * spread      # one deviation along each axis
-    omega, z, cuts = frequencies(form), np.zeros(steps.shape[0]), list[FloatArray]()
+    omega, z, cuts = frequencies(form), np.zeros(steps.shape[0]), list[tuple[FloatArray, float]]()
     scale = np.sqrt(np.abs(np.einsum("wjj->wj", form.K(theta, omega).real)).max(axis=0)) + 1e-300
     for _ in range(rounds):
         at = form.tied(theta + z @ steps)
@@ -111,15 +111,11 @@ def most_probable_passive(form: Parametrisation, theta: FloatArray, draws: Float
         for i, k in enumerate(low):
             v = vectors[k, :, 0] / scale
             slope = np.einsum("j,ajk,k->a", v, slopes[:, i], v)
-            length = max(float(np.linalg.norm(slope)), 1e-300)
-            cuts.append(np.r_[slope, slope @ z - least[k, 0]] / length)
-        if not cuts:
+            cuts.append((slope, float(slope @ z) - least[k, 0]))
+        found = least_distance(*map(np.array, zip(*cuts))) if cuts else None
+        if found is None:
             return None
-        E = np.array(cuts).T
-        residual = E @ nnls(E, np.r_[np.zeros(z.size), 1.0])[0] - np.r_[np.zeros(z.size), 1.0]
-        if abs(residual[-1]) < 1e-12:
-            return None
-        z = -residual[:-1] / residual[-1]
+        z = found
     return None
 
 
