@@ -28,10 +28,7 @@ class OwnNumber(NamedTuple):
 def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
     """Return the tolerance of each nominal quantity, from one number or by name.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown or a tolerance is not positive and below 1.
+    InputError if a name is unknown or a tolerance is not positive and below 1.
     """
     if tolerance is None:
         raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
@@ -41,17 +38,9 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
-    """Return the deviations of the model's numbers.
+    """Return the deviations of the model's numbers; with a `force` that acts, of its size and phase, too.
 
     Inertia is one number for each degree of freedom: mass and A_inf cannot be told apart by any motion.
-
-    Parameters
-    ----------
-    model : Model
-    tolerance : mapping
-        From `tolerances`.
-    force : bool
-        Whether an exciting force acts, so that its size and phase are free too.
     """
     found = []
     total = model.M + model.A_inf

@@ -25,25 +25,13 @@ BLOCK = 25  # frequencies solved together, fewer where the matrices are large
 
 @dataclass(frozen=True, eq=False)
 class SectionSolution:
-    """All that `solve_section` finds.
+    """All that `solve_section` finds."""
 
-    Parameters
-    ----------
-    hydro : HydroData
-        Coefficients per unit length; `.hydro.times(length)` for a body.
-    checks : SectionChecks
-    section : Section
-    panels : int
-        Panels on the whole contour.
-    far_field : FarField
-        Radiated and scattered waves.
-    """
-
-    hydro: HydroData
+    hydro: HydroData  # Coefficients per unit length; `.hydro.times(length)` for a body
     checks: SectionChecks
     section: Section
-    panels: int
-    far_field: FarField
+    panels: int  # On the whole contour
+    far_field: FarField  # Radiated and scattered waves
 
 
 def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: Any) -> HydroData:
