@@ -9,7 +9,7 @@ __getattr__, __all__ = door(__name__, {
     "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
     "motion_only": "Race",
-    "result": "nearest_passive passive",
+    "passivity": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "SpectralRules spectral_likelihood",
     "study": "cautious Settings Study",

@@ -20,9 +20,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import SolverError
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.haskind import Haskind, error_bumps, receptance_times_X, relation
-from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.spectral import SpectralLikelihood
-from radiation_ss.identification.study import Study
+from radiation_ss.identification.study import ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.record import Record
 

@@ -17,9 +17,8 @@ from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import Channels, motion_channels
 from radiation_ss.identification.force import Window, force_model, smoothed
 from radiation_ss.identification.motion_only import Race, describe_sea, structures
-from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
-from radiation_ss.identification.study import Findings, Study, cautious
+from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
 from radiation_ss.inference.laplace import find_peak, sample
 
 

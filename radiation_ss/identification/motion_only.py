@@ -19,9 +19,8 @@ from radiation_ss.identification.channels import known_force, motion_channels, t
 from radiation_ss.identification.force import compare_forces, estimate_force
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
-from radiation_ss.identification.result import ForceEstimate
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
-from radiation_ss.identification.study import Findings, Study, cautious
+from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
 from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
 
 LEFT_IN = "motion alone leaves it in A and B, and its size is the first step from a linear fit"
