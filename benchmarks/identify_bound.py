@@ -22,7 +22,7 @@ from identify import OWN
 from validation import publish, table
 
 from radiation_ss.identification.channels import motion_channels
-from radiation_ss.identification.families import sea_mode
+from radiation_ss.identification.motion_only import sea_mode
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.identification.spectral import spectral_likelihood
 from radiation_ss.inference.prior import parametrise

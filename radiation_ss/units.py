@@ -15,6 +15,7 @@ UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
 UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
           for si in ("m", "rad") for rate in ("/s", "/s^2")}
 UNITS["m/s^2"]["g"] = 9.80665
+KNOT = 1852.0 / 3600.0  # m/s
 _SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "day": "d", "days": "d",
            "°": "deg", "º": "deg", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad",
            "radians": "rad", "meter": "m", "meters": "m", "metre": "m", "metres": "m"}

@@ -35,7 +35,7 @@ def test_a_seed_that_is_none_is_refused():
 @pytest.mark.parametrize("given, found", [([[1.0, 2.0, 3.0]], "list"), (5, "int"), ([None], "NoneType"),
                                           ({"a": 1}, "dict")])
 def test_what_is_no_record_is_refused(work, given, found):
-    with pytest.raises(rss.InputError, match=rf"records: a Record, .* {found} found"):
+    with pytest.raises(rss.InputError, match=rf"record: a Record, .* {found} found"):
         work(tank_model(), given)
 
 

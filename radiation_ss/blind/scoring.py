@@ -79,7 +79,7 @@ def alarm(case: Scored) -> bool:
 
 
 def table(cases: Sequence[Scored]) -> list[ScoreRow]:
-    """Return the rows of issue 6's table that these cases can fill; motion-only cases are scored apart."""
+    """Return the rows of the table of goals that these cases can fill; motion-only cases are scored apart."""
     known = [c for c in cases if c.label["kind"] != "motion-only"]
     none = [c for c in known if c.group == "none"]
     structure = [c for c in known if c.group == "structure" and c.gap >= 0.04]

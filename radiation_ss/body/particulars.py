@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 ByDof = float | Mapping[str, float] | None
 Transfer = Callable[[complex], complex]
-ELSEWHERE = {"stiffness": "C"}  # names that the command line, and tolerances, have
+ELSEWHERE = {"gm": "GM", "stiffness": "C"}  # names that the command line, and tolerances, have
 RESTORED = ("Roll", "Pitch")  # rotations with a metacentric height
 
 
@@ -305,7 +306,5 @@ def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: Arr
     if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < 0.0:
         raise InputError("inertia: must be symmetric and not negative")
     arm = read_only(centre_of_gravity, "centre_of_gravity", (3,)) - read_only(reference_point, "reference_point", (3,))
-    S = np.cross(np.eye(3), arm)  # S v = arm x v
-    whole = np.block([[mass * np.eye(3), -mass * S], [mass * S, tensor - mass * S @ S]])
     pick = [RIGID.index(mode(dof)) for dof in dofs]
-    return whole[np.ix_(pick, pick)]
+    return rigid_inertia(mass, tensor, arm)[np.ix_(pick, pick)]

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 import radiation_ss.cli.verbs as verbs
 from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, warn
+from radiation_ss.cli.scenario import USUAL_DECAY, USUAL_SEA
 from radiation_ss.records.record import KINDS
 
 Verb = Callable[[argparse.Namespace], None]
@@ -158,7 +159,8 @@ def add_record_verbs(verb: Maker) -> None:
                                "excitation force, that may be left out of the force (0.01)")
     simulate.add_argument("--decay", nargs="+", metavar="DOF=X",
                           help="displacements at release [m or rad], or with a unit: Heave=0.5 Roll=10deg")
-    simulate.add_argument("--duration", type=float, metavar="S", help="default: 600 s of sea, 20 periods of a decay")
+    simulate.add_argument("--duration", type=float, metavar="S",
+                          help=f"default: {USUAL_SEA:g} s of sea, {USUAL_DECAY:g} periods of a decay")
     seed_argument(simulate)
     simulate.add_argument("--corrected", type=Path, metavar="C.json", help="corrected.json written by diagnose")
     simulate.add_argument("--out", type=Path, required=True, metavar="PRED.csv")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"\s*([+-]?(?:inf|nan|[\d.]+(?:[eE][+-]?\d+)?)?)\s*(.*)", re.DOTALL)   # and its unit
 USUAL_SEA = 600.0  # s
+USUAL_DECAY = 20  # natural periods
 
 
 def scenario(args: argparse.Namespace, model: Model) -> Record:
@@ -54,7 +55,7 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     else:
         if not periods.size and args.duration is None:
             raise InputError("simulate: this model does not oscillate; give --duration")
-        duration = lasting(args.duration, 20.0 * float(periods.max(initial=0.0)), 0.0)
+        duration = lasting(args.duration, USUAL_DECAY * float(periods.max(initial=0.0)), 0.0)
         dt = min([duration, *periods]) / 60.0
         lasting(duration, 0.0, dt)
         time = dt * np.arange(int(np.ceil(duration / dt)) + 1)

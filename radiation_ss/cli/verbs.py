@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.records.record import Record
 
-# Numbers of `model`: name, unit, meaning; hyphens become underscores, but for the names below.
+# Numbers of `model`: name, unit, meaning; hyphens become underscores, but for those that `particulars` name otherwise.
 MODEL_NUMBERS = (
     ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
     ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
@@ -32,7 +32,6 @@ MODEL_NUMBERS = (
     ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
     ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
     ("depth", "M", "water depth for --section (deep)"))
-PYTHON_NAMES = {"gm": "GM", "stiffness": "C"}
 
 
 def demo(args: argparse.Namespace) -> None:
@@ -74,9 +73,11 @@ def fit(args: argparse.Namespace) -> None:
 
 def model(args: argparse.Namespace) -> None:
     """Make a model from a few numbers and write it."""
+    from radiation_ss.body.particulars import ELSEWHERE
+
     check_file(args.out)
     words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
-    numbers = {PYTHON_NAMES.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
+    numbers = {ELSEWHERE.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
                if getattr(args, word) is not None}
     if args.dof is not None:
         numbers["dof"], _, unit = args.dof.partition("=")
@@ -84,7 +85,7 @@ def model(args: argparse.Namespace) -> None:
     said = tolerance_of(args.tolerance) if args.tolerance else {}
     if not isinstance(said, dict):
         raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
-    tolerance = {PYTHON_NAMES.get(name, name): value for name, value in said.items()}
+    tolerance = {ELSEWHERE.get(name, name): value for name, value in said.items()}
     made = rss.body(**numbers, tolerance=tolerance, name=args.name or args.out.stem)
     made.write(args.out)
     say(args, {"out": str(args.out), "dofs": list(made.dofs), "M": made.M.tolist(), "A_inf": made.A_inf.tolist(),

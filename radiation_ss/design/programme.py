@@ -29,7 +29,6 @@ DECAY, FORCED = 12, 40  # lengths in natural periods (in waves also in peak peri
 SAMPLES = 24  # a natural (or peak) period
 PLAIN = ("displacement",)
 BOTH = ("displacement", "acceleration")
-ALL = ("displacement", "velocity", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +39,13 @@ class PlannedTest:
     description: str
     # What it would measure without noise if the model were right. Tests of one record differ in their sensors.
     record: Record
-    quantities: tuple[str, ...] = ALL  # The sensors that are read: displacement, velocity, acceleration
+    quantities: tuple[str, ...] = QUANTITIES  # The sensors that are read: displacement, velocity, acceleration
     large: bool = True  # Whether the motion has the full amplitude
 
     @property
     def measured(self) -> Record:
         """The record with only the channels that the test reads."""
-        dropped = {f"_{quantity}" for quantity in ALL if quantity not in self.quantities}
+        dropped = {f"_{quantity}" for quantity in QUANTITIES if quantity not in self.quantities}
         kept = {k: v for k, v in self.record.channels.items() if not any(k.endswith(s) for s in dropped)}
         return replace(self.record, channels=kept, name=self.name)
 

@@ -19,30 +19,17 @@ ACTS_ON = ("Heave", "Roll", "Pitch")
 
 
 class Station(NamedTuple):
-    """A piece of a hull along x whose section does not change.
+    """A piece of a hull along x whose section does not change."""
 
-    Parameters
-    ----------
-    x : float
-        Its middle [m].
-    length : float
-        Its extent along x [m].
-    outline : ndarray, shape (k, 2)
-        Corners (y, z) [m] of the closed section up to the deck, z up from the still water, in either direction.
-    """
-
-    x: float
-    length: float
-    outline: FloatArray
+    x: float  # Its middle [m]
+    length: float  # Its extent along x [m]
+    outline: FloatArray  # (k, 2): Corners (y, z) [m] of the closed section up to the deck, z up from the still water
 
 
 def station(x: float, length: float, outline: ArrayLike) -> Station:
     """Return a station, its outline brought into counter-clockwise order.
 
-    Raises
-    ------
-    InputError
-        If the outline has fewer than three corners or no area, or the length is not positive.
+    InputError if the outline has fewer than three corners or no area, or the length is not positive.
     """
     corners = np.asarray(outline, dtype=float)
     if corners.ndim != 2 or corners.shape[1:] != (2,) or len(corners) < 3 or not np.isfinite(corners).all():

@@ -28,10 +28,7 @@ class OwnNumber(NamedTuple):
 def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
     """Return the tolerance of each nominal quantity, from one number or by name.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown or a tolerance is not positive and below 1.
+    InputError if a name is unknown or a tolerance is not positive and below 1.
     """
     if tolerance is None:
         raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
@@ -41,17 +38,9 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:
-    """Return the deviations of the model's numbers.
+    """Return the deviations of the model's numbers; with a `force` that acts, of its size and phase, too.
 
     Inertia is one number for each degree of freedom: mass and A_inf cannot be told apart by any motion.
-
-    Parameters
-    ----------
-    model : Model
-    tolerance : mapping
-        From `tolerances`.
-    force : bool
-        Whether an exciting force acts, so that its size and phase are free too.
     """
     found = []
     total = model.M + model.A_inf
@@ -107,29 +96,29 @@ def natural_frequency(model: Model, i: int) -> float:
 
 def relative(name: str, dof: str, size: float, signal: str) -> Active:
     """A relative change of a diagonal coefficient: force -share size signal."""
-    def force(s: Any, p: Any) -> Any:
-        return -p.share * size * getattr(s, signal)
-    return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)
+    return share_of(name, dof, force=lambda s, p: -p.share * size * getattr(s, signal))
+
+
+def share_of(name: str, dof: str, other: str = "", **law: Any) -> Active:
+    """A number of the model with its `share` as the only parameter."""
+    return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, family="nominal", **law), dof, other=other)
 
 
 def coupling(dof: str, other: str, size: float, signal: str = "a") -> Active:
     """A change of the inertia between two degrees of freedom, or of what goes with their velocities, "v"."""
     def force(s: Any, p: Any) -> Any:
         return -p.share * size * getattr(s.other, signal), -p.share * size * getattr(s, signal)
-    effect = Effect("nominal_coupling_inertia", {"share": Parameter("1")}, force, scope="pair", family="nominal")
-    return Active(effect, dof, other=other)
+    return share_of("coupling_inertia", dof, other, force=force, scope="pair")
 
 
 def force_gain(dof: str) -> Active:
     """A relative change of the exciting force."""
-    return Active(Effect("nominal_force", {"share": Parameter("1")}, input=lambda s, p: (1.0 + p.share) * s.u,
-                         family="nominal"), dof)
+    return share_of("force", dof, input=lambda s, p: (1.0 + p.share) * s.u)
 
 
 def force_phase(dof: str, omega: float) -> Active:
     """A change of the exciting force's phase, in radians at `omega`."""
-    return Active(Effect("nominal_force_phase", {"share": Parameter("1")},
-                         clock_in=lambda s, p: s.t - p.share / omega, family="nominal"), dof)
+    return share_of("force_phase", dof, clock_in=lambda s, p: s.t - p.share / omega)
 
 
 def kernel_effects(model: Model, i: int, octaves: float = 1.0) -> list[Active]:
@@ -162,6 +151,4 @@ def kernel_effects(model: Model, i: int, octaves: float = 1.0) -> list[Active]:
 
 def memory_row(name: str, dof: str, row: np.ndarray) -> Active:
     """A change of one row of the memory's output matrix."""
-    def force(s: Any, p: Any) -> Any:
-        return -p.share * ca.dot(ca.DM(row), s.radiation)
-    return Active(Effect(f"nominal_{name}", {"share": Parameter("1")}, force, family="nominal"), dof)
+    return share_of(name, dof, force=lambda s, p: -p.share * ca.dot(ca.DM(row), s.radiation))

@@ -40,7 +40,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
               headers: str | Path | None = None) -> Path:
     """Write the model with effects as an FMI 3.0 model-exchange unit.
 
-    Inputs, outputs and states are those of `simulation.linearised.nonlinear_system`; states are called `state.<name>`,
+    Inputs, outputs and states are those of `simulation.nonlinear_system`; states are called `state.<name>`,
     and their start values can be set. The unit holds the equations as C source, which an importing program can compile,
     and where there are `headers` and a C compiler a library for this machine, which any program runs.
 

@@ -157,7 +157,7 @@ class Drawing:
             active = np.union1d(active, np.argsort(least)[:lowest])
             values, slopes = damping_slopes(self.parts, moved, rule.omega[active], rule.scale)
             rows, J = slopes[:, free] * prior.slope(moved), prior.off_slope(u)
-            change = _least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
+            change = least_distance(rows @ root, aim - values + rows @ (u - first), J @ root, J @ (u - first) + off)
             if change is None or not np.linalg.norm(root @ change) < farthest:
                 break
             apart, u = float(np.linalg.norm(first + root @ change - u)), first + root @ change
@@ -205,10 +205,12 @@ def damping_slopes(parts: Subsystems, theta: FloatArray, omega: FloatArray,
     return values[:, 0], slopes
 
 
-def _least_distance(A: FloatArray, b: FloatArray, E: FloatArray, f: FloatArray) -> FloatArray | None:
-    """Return the shortest d with A d >= b and E d = f (least squares); None where there is none."""
-    fixed = np.asarray(np.linalg.lstsq(E, f, rcond=None)[0] if f.size else np.zeros(A.shape[1]), dtype=np.float64)
-    basis = null_space(E) if f.size else np.eye(A.shape[1])
+def least_distance(A: FloatArray, b: FloatArray, E: FloatArray | None = None,
+                   f: FloatArray | None = None) -> FloatArray | None:
+    """Return the shortest d with A d >= b and E d = f (least squares), where E is given; None where there is none."""
+    fixed, basis = np.zeros(A.shape[1]), np.eye(A.shape[1])
+    if E is not None and f is not None and f.size:
+        fixed, basis = np.asarray(np.linalg.lstsq(E, f, rcond=None)[0], dtype=np.float64), null_space(E)
     size = np.maximum(np.linalg.norm(A, axis=1), 1e-300)
     rows, right = (A / size[:, None]) @ basis, (b - A @ fixed) / size
     stacked, end = np.vstack([rows.T, right]), np.r_[np.zeros(basis.shape[1]), 1.0]

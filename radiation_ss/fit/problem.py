@@ -146,24 +146,11 @@ def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, recip
 
 def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | ArrayLike = "free",
                   points: FloatArray | None = None, weight: FloatArray | None = None, resolved: float = 0.5) -> Problem:
-    """Return the scaled problem of one block.
+    """Return the scaled problem of the degrees of freedom at the positions of one block.
 
-    Parameters
-    ----------
-    block : list of int
-        Positions of its degrees of freedom.
-    at_zero : "free", "zero" or array_like
-        K(0); a value in SI for each entry.
-    points : ndarray, shape (q,), optional
-        Frequencies [rad/s] where K, interpolated between the data, is to be met exactly.
-    weight : ndarray, shape (nw,) or (nw, n, n), optional
-    resolved : float
-        Smallest damping rate of a resonance over the spacing of the frequencies: narrower ones would be invented.
-
-    Raises
-    ------
-    InputError
-        If a value of K(0) is not positive semidefinite.
+    `at_zero`: "free", "zero" or K(0) in SI. `points` (q,): where K, interpolated between the data, is to be met exactly
+    [rad/s]. `resolved`: smallest damping rate of a resonance over the spacing of the frequencies: narrower ones would
+    be invented. InputError if a value of K(0) is not positive semidefinite.
     """
     square = np.ix_(block, block)
     i, j = np.triu_indices(len(block))

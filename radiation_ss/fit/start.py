@@ -20,18 +20,8 @@ def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order
 
     Each pass solves the linear least squares P K = Q with rows divided by |P| of the pass before (Sanathanan and
     Koerner 1963, IEEE Trans. Autom. Control 8, 56); unstable poles are mirrored into the left half plane, and the
-    numerator is fitted anew.
-
-    Parameters
-    ----------
-    x : ndarray, shape (nw,)
-        Scaled frequencies.
-    K : ndarray, shape (nw,)
-    weight : ndarray, shape (nw,)
-    zero : bool
-        Leave out the constant of the numerator, so that K(0) = 0.
-    first : ndarray, shape (order,), optional
-        Denominator that the first pass divides by; it comes first among those returned.
+    numerator is fitted anew, with `zero` without its constant, so that K(0) = 0. `first` (order,): denominator that the
+    first pass divides by; it comes first among those returned. x, K, weight (nw,), frequencies scaled.
     """
     low = int(zero)
     powers = (1j * x[:, None]) ** np.arange(order + 1)

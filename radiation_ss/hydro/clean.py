@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import MATRICES, ROTATIONS, TRANSLATIONS, HydroData, body, mode
+from radiation_ss.hydro.data import MATRICES, RIGID, ROTATIONS, TRANSLATIONS, HydroData, body, mode
 from radiation_ss.hydro.measures import bands, damping_scale, percent, roughness, said, scaled
 from radiation_ss.hydro.transforms import estimate_A_inf
 
@@ -164,6 +165,12 @@ def velocity_transform(dofs: Sequence[str], arm: FloatArray) -> FloatArray:
                                  f"{list(dofs)} do not hold")
             T[list(dofs).index(partner), column] += value
     return T
+
+
+def rigid_inertia(mass: float, inertia: FloatArray, arm: FloatArray) -> FloatArray:
+    """Return the mass matrix (6, 6) of a body with its tensor (3, 3) about G, `arm` from the point of the rotations."""
+    T = velocity_transform(RIGID, np.asarray(arm, dtype=float))
+    return np.asarray(T.T @ block_diag(mass * np.eye(3), inertia) @ T)
 
 
 def text(data: HydroData) -> str:

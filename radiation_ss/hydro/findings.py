@@ -22,26 +22,12 @@ Bands = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found.
+    """One thing found."""
 
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`.
-    problem : bool
-        True if a model made from the data inherits an error of this size; False for a remark.
-    value : float
-        Its size, relative to the largest value of its curve.
-    bands : tuple of (float, float)
-        Where [rad/s].
-    dofs : tuple of str
-    message : str
-    """
-
-    kind: str
-    problem: bool
-    value: float
-    bands: Bands
+    kind: str  # One of `KINDS`
+    problem: bool  # Whether a model made from the data inherits an error of this size; else it is a remark
+    value: float  # Its size, relative to the largest value of its curve
+    bands: Bands  # Where [rad/s]
     dofs: tuple[str, ...]
     message: str
 

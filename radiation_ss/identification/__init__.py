@@ -5,11 +5,11 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "banded": "Coefficients",
     "channels": "known_force motion_channels",
-    "families": "Race",
     "force": "ForceSpectra smooth_one total_deviation",
     "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
-    "result": "nearest_passive passive",
+    "motion_only": "Race",
+    "passivity": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "SpectralRules spectral_likelihood",
     "study": "cautious Settings Study",

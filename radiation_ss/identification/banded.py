@@ -6,7 +6,7 @@ not: keeping their covariance makes the likelihood that of the record itself, sh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.identification.channels import strong_bins
 from radiation_ss.jit import jit
 
 
@@ -44,6 +45,24 @@ class Coefficients:
         """Frequencies of the spectral integral [rad/s]: bins and `reach` beyond them on either side, `finer` a bin."""
         points = np.arange((self.first - self.reach) * self.finer, (self.last + self.reach) * self.finer + 1)
         return np.asarray(self.spacing / self.finer * points, dtype=np.float64)
+
+    @cached_property
+    def positive(self) -> FloatArray:
+        """The frequencies `fine`, kept from zero, at which spectra are formed [rad/s]."""
+        return np.maximum(self.fine, self.spacing / self.finer)
+
+    def with_power(self, floor: float) -> Coefficients:
+        """Return the stretch without the bins at either end where no motion has `floor` of its largest density."""
+        density = np.mean(np.abs(self.z) ** 2, axis=0)
+        good = strong_bins(density, floor)
+        # The window smears an edge over two bins and the average over one.
+        first = self.first + good[0] + 2 * (good[0] > 0)
+        last = self.first + good[-1] - 2 * (good[-1] < len(density) - 1)
+        least = 2 * self.reach + 2
+        if last - first < least:
+            first = max(self.first, (first + last - least) // 2)
+            last = first + least
+        return replace(self, first=int(first), last=int(last))
 
     @cached_property
     def _time(self) -> FloatArray:

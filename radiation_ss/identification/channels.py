@@ -76,6 +76,11 @@ class Channels:
         return replace(self, y=self.y[:, which], dof=self.dof[which], derivative=self.derivative[which],
                        labels=tuple(self.labels[i] for i in which))
 
+    def one_each(self) -> Channels:
+        """Return the channel of lowest derivative of each degree of freedom."""
+        return self.pick(np.array([i for i in range(self.count)
+                                   if self.derivative[i] == self.derivative[self.dof == self.dof[i]].min()]))
+
     def cut(self, first: int, last: int) -> Channels:
         """Return the samples from `first` to before `last`."""
         return replace(self, y=self.y[first:last], start=self.start + first * self.dt)

@@ -19,9 +19,11 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import SolverError
 from radiation_ss.identification.channels import Channels
-from radiation_ss.identification.haskind import Haskind, error_bumps, relation
-from radiation_ss.identification.result import ForceEstimate
+from radiation_ss.identification.haskind import Haskind, error_bumps, receptance_times_X, relation
+from radiation_ss.identification.spectral import SpectralLikelihood
+from radiation_ss.identification.study import ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,3 +177,43 @@ def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
         mean = CubicSpline(at, mean)(all_at)
         half = np.stack([np.interp(all_at, at, column) for column in half.T], axis=1)
     return ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)
+
+
+def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: float = 6.0,
+                points: int = 600) -> ForceSpectra:
+    """Return the spectra of one draw on the smoother's grid, up to `top` times the motion's median frequency.
+
+    Beyond the bins that are used the sea is as its family goes on: the force may have much of its power there, where a
+    free body hardly moves.
+    """
+    channels = part.channels
+    omega = np.linspace(0.0, min(top * channels.frequency, np.pi / channels.dt), points + 1)
+    w = np.maximum(omega, omega[1])
+    haskind = part.with_errors(v, relation(part.model, part.form, w)[0], w)
+    X, motion = receptance_times_X(part.model, part.form, u, w, haskind)
+    factors = (1j * w[:, None]) ** channels.derivative / channels.rms
+    return ForceSpectra(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v),
+                        part.unexplained(v))
+
+
+def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]],
+                   draws: int = 16) -> ForceEstimate:
+    """Return the force of a record over (some of) the draws u, v in each structure."""
+    rows = [(part, u[i], v[i]) for part, u, v in branches for i in range(u.shape[0])]
+    pick = np.unique(np.linspace(0, len(rows) - 1, min(draws, len(rows))).astype(int))
+    channels = branches[0][0].channels
+    y = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms
+    return smooth_force([force_model(*rows[i]) for i in pick], y, channels)
+
+
+def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: ForceEstimate) -> dict[str, float]:
+    """Return how far the force is from the prior model's, and both errors where the record carries the true force."""
+    size = np.sqrt(np.mean(found.mean**2))
+    out = {"change": float(np.sqrt(np.mean((found.mean - idle.mean) ** 2)) / size)}
+    measured = record.get("force", study.model.dofs)
+    if measured is not None and measured.shape == found.mean.shape:
+        good = np.isfinite(measured)
+        rms = np.sqrt(np.mean(measured[good] ** 2))
+        for key, estimate in (("do_nothing_error", idle), ("identified_error", found)):
+            out[key] = float(np.sqrt(np.mean((estimate.mean - measured)[good] ** 2)) / rms) if rms > 0.0 else np.nan
+    return out

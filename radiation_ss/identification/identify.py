@@ -14,11 +14,11 @@ from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.identification.assembly import assemble
-from radiation_ss.identification.motion_only import by_joint_filter, by_motion_only
+from radiation_ss.identification.joint_filter import by_joint_filter
+from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
-from radiation_ss.identification.result import ForceEstimate, Identification
-from radiation_ss.identification.study import Findings, Settings, Study, left_out, settings_of
+from radiation_ss.identification.result import Identification, assemble
+from radiation_ss.identification.study import Findings, ForceEstimate, Settings, Study, left_out, settings_of
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 from radiation_ss.inference.points import Points, known_points

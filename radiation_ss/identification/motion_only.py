@@ -1,33 +1,27 @@
-"""Motion only: the methods "spectral", by whole records, and "joint", block after block.
-
-In "joint" each block's motion updates a normal distribution of body, sea and noise parameters through its exact
-likelihood (an extended Kalman filter in information form); its force follows from the motion up to its end. The
-force's spectrum is the sea's through Haskind's relation, refitted all along: no fixed shaping filter can turn its
-misfit into a bias of the body.
-"""
+"""The method "spectral", motion only: families of seas compete, each climbed to its modes, weighed and mixed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import logsumexp
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.estimate import Band
-from radiation_ss.identification.channels import Channels, known_force, motion_channels, thinned
-from radiation_ss.identification.families import Race, mixed, sea_mode, structures
-from radiation_ss.identification.force import ForceSpectra, Window, smooth_force, smoothed
-from radiation_ss.identification.haskind import receptance_times_X, relation
+from radiation_ss.identification.channels import known_force, motion_channels, thinned
+from radiation_ss.identification.force import compare_forces, estimate_force
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.prediction_error import law_warnings, score_laws
-from radiation_ss.identification.result import ForceEstimate
-from radiation_ss.identification.spectral import SpectralLikelihood, one_each, spectral_likelihood, windowed
-from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.inference.laplace import find_peak, sample
-from radiation_ss.records.record import Record
+from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
+from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
+from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
 
 LEFT_IN = "motion alone leaves it in A and B, and its size is the first step from a linear fit"
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea
@@ -98,184 +92,193 @@ def describe_sea(seas: Seas, families: dict[str, float]) -> dict[str, Any]:
             "families": families, "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 
-def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: float = 6.0,
-                points: int = 600) -> ForceSpectra:
-    """Return the spectra of one draw on the smoother's grid, up to `top` times the motion's median frequency.
-
-    Beyond the bins that are used the sea is as its family goes on: the force may have much of its power there, where a
-    free body hardly moves.
-    """
-    channels = part.channels
-    omega = np.linspace(0.0, min(top * channels.frequency, np.pi / channels.dt), points + 1)
-    w = np.maximum(omega, omega[1])
-    haskind = part.with_errors(v, relation(part.model, part.form, w)[0], w)
-    X, motion = receptance_times_X(part.model, part.form, u, w, haskind)
-    factors = (1j * w[:, None]) ** channels.derivative / channels.rms
-    return ForceSpectra(omega, X, motion[:, channels.dof] * factors, part.sea.density(v, omega), part.noise(v),
-                        part.unexplained(v))
-
-
-def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]],
-                   draws: int = 16) -> ForceEstimate:
-    """Return the force of a record over (some of) the draws u, v in each structure."""
-    rows = [(part, u[i], v[i]) for part, u, v in branches for i in range(u.shape[0])]
-    pick = np.unique(np.linspace(0, len(rows) - 1, min(draws, len(rows))).astype(int))
-    channels = branches[0][0].channels
-    y = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms
-    return smooth_force([force_model(*rows[i]) for i in pick], y, channels)
-
-
-def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: ForceEstimate) -> dict[str, float]:
-    """Return how far the force is from the prior model's, and both errors where the record carries the true force."""
-    size = np.sqrt(np.mean(found.mean**2))
-    out = {"change": float(np.sqrt(np.mean((found.mean - idle.mean) ** 2)) / size)}
-    measured = record.get("force", study.model.dofs)
-    if measured is not None and measured.shape == found.mean.shape:
-        good = np.isfinite(measured)
-        rms = np.sqrt(np.mean(measured[good] ** 2))
-        for key, estimate in (("do_nothing_error", idle), ("identified_error", found)):
-            out[key] = float(np.sqrt(np.mean((estimate.mean - measured)[good] ** 2)) / rms) if rms > 0.0 else np.nan
-    return out
-
-
 @dataclass(frozen=True)
-class Pace:
-    """How the joint filter goes through a record."""
+class Race:
+    """How families of seas compete."""
 
-    block: float = 30.0  # Typical periods in a block
-    forget: float = 0.97  # What a block leaves of the precision of sea and noise, so that a changing sea is followed
-    draws: int = 6  # Of the parameters, for a block's force
-    longest: float = 1.0  # Longest step of a block in any parameter, in prior standard deviations
+    hopeless: float = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
+    same: float = 0.5  # Distance, in posterior standard deviations, below which two modes are one
+    # steps, idle_steps: Steps at most of a climb of body and sea, and of the sea alone, with the body held
+    steps: int = 200
+    idle_steps: int = 15
+    # scoring, ridge, slope: With several degrees of freedom: scoring steps, then steps of a quasi-Newton search at most
+    # (Fisher's information says little of a ridge that is long, sharp and bent), to this slope a posterior deviation
+    scoring: int = 10
+    ridge: int = 60
+    slope: float = 0.3
+    # Prior standard deviations of the body's parameters from which one system in every sea is no start
+    far: float = 8.0
+    # periods, energy: Starts of a second system: its period and energy over the first's
+    periods: tuple[float, float] = (0.65, 1.5)
+    energy: float = 0.5
+
+    def climb(self, target: Target, start: FloatArray, n: int, rough: bool = False) -> Peak:
+        """Return the mode of body and sea of n degrees of freedom above a start; `rough`: what all steps come to."""
+        if n == 1:
+            return find_peak(target, start, Climb(self.steps, rough=rough))
+        near = find_peak(target, start, Climb(self.scoring, rough=True))
+        root = np.linalg.cholesky(np.linalg.inv(near.fisher))
+
+        def below(x: FloatArray) -> tuple[float, FloatArray]:
+            phi = near.phi + root @ x
+            if not np.isfinite(target.value(phi)):
+                return -near.value + 1e6, x
+            value, gradient, _ = target.local(phi)
+            return -value, -root.T @ gradient
+
+        found = minimize(below, np.zeros(near.phi.size), jac=True, method="BFGS",
+                         options={"maxiter": self.ridge, "gtol": self.slope})
+        phi = near.phi + root @ found.x
+        value, _, fisher = target.local(phi)
+        return Peak(phi, fisher, value)
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
-    """Normal distribution of [u; v] by mean and precision; of u alone a likelihood beside the prior N(0, I)."""
+class Structure:
+    """One choice of a family for every sea."""
 
-    mean: FloatArray
-    precision: FloatArray
-    size: int = 0
+    parts: tuple[SpectralLikelihood, ...]
+    modes: tuple[Peak, ...]  # Distinct modes of the posterior of body and all seas, the most probable first
+    # Whether each sea's family was chosen from its record alone, because one system in every sea did not do
+    apart: bool = False
 
     @property
-    def covariance(self) -> FloatArray:
-        """The covariance."""
-        return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
-
-    def of_body(self, n: int) -> Belief:
-        """Return the distribution of the first n parameters."""
-        return Belief(self.mean[:n], np.asarray(np.linalg.inv(self.covariance[:n, :n]), dtype=np.float64))
-
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood up to a constant."""
-        away = u - self.mean
-        return 0.5 * float(u @ u - away @ self.precision @ away)
-
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, gradient and information in u."""
-        return self.value(u, v), u - self.precision @ (u - self.mean), self.precision - np.eye(u.size)
+    def evidence(self) -> float:
+        """Log prior probability of the structure plus Laplace's log evidence, summed over modes."""
+        prior = sum(np.log(part.sea.family.probability) for part in self.parts)
+        return float(prior + logsumexp([mode.evidence for mode in self.modes]))
 
 
-def by_joint_filter(study: Study) -> Findings:
-    """Return what the joint filter finds, going through the records in the order given."""
-    n, pace = study.n_u, Pace()
-    body = Belief(np.zeros(n), np.eye(n))
-    if study.points is not None:
-        peak = find_peak(study.target([]), np.zeros(n))
-        body = Belief(peak.phi, peak.fisher)
-    sea, force, said = {}, {}, list[str]()
-    history: dict[str, list[object]] = {"time": [], "mean": [], "std": []}
-    for record in study.records:
-        channels = one_each(motion_channels(study.model, record))
-        blocks = cut(channels, pace)
-        start = channels.cut(0, blocks[min(1, len(blocks) - 1)][1])
-        part, warnings = spectral_likelihood(study.model, study.form, start, study.rules.tolerances["force"])
-        said += [text for text in warnings if text not in said]
-        belief = Belief(np.r_[body.mean, np.zeros(part.size)], np.eye(n + part.size))
-        belief.precision[:n, :n] = body.precision
-        mean, half = np.full((2, channels.y.shape[0], study.model.n), np.nan)
-        for begin, end in blocks:
-            y = channels.y[begin:end]
-            if np.isfinite(y).all():
-                if begin == 0:
-                    part, belief = first(body, part, y, study)
-                else:  # the precision of sea and noise is let go a little, towards their prior
-                    grow = np.r_[np.ones(n), np.full(belief.mean.size - n, pace.forget**-0.5)]
-                    belief = Belief(belief.mean, np.linalg.inv(belief.covariance * np.outer(grow, grow)))
-                    belief = updated(belief, block_likelihood(part, y), study, pace)
-            mean[begin:end], half[begin:end] = block_force(part, belief, channels, (begin, end), study, pace)
-            now = belief.of_body(n)
-            count = study.rules.draws
-            u = study.kept(study.rng.multivariate_normal(now.mean, now.covariance, 2 * count))[:count]
-            centre = cautious(study, u, [part.band])
-            history["time"].append(channels.start + end * channels.dt)
-            history["mean"].append(study.form.theta(centre).tolist())
-            history["std"].append(study.form.theta(u).std(axis=0).tolist())
-        body = belief.of_body(n)
-        draws = study.rng.multivariate_normal(belief.mean[n:], belief.covariance[n:, n:], size=200)
-        known = dict.fromkeys(part.sea.prior.families, 0.0) | {part.sea.name: 1.0}
-        sea[record.name] = describe_sea([(part, draws)], known)
-        force[record.name] = ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)
-    return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre, bands=(part.band,))
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A structure with its target, its probability, the share of it that is passive, and the draws it contributes."""
+
+    structure: Structure
+    target: Target
+    probability: float
+    share: float
+    draws: FloatArray
+
+    def sea(self, number: int) -> tuple[SpectralLikelihood, FloatArray]:
+        """Return a record's likelihood and the draws of its sea and noise."""
+        part = self.structure.parts[number]
+        at = next(at for own, at in zip(self.target.likelihoods, self.target.places) if own is part)
+        return part, self.draws[:, at]
 
 
-def cut(channels: Channels, pace: Pace) -> list[tuple[int, int]]:
-    """Return (begin, end) samples of the blocks; the last takes what is left over."""
-    length = int(pace.block * channels.period / channels.dt)
-    count = max(1, channels.y.shape[0] // length)
-    if length < 30 and count > 1:
-        raise InputError(f"record {channels.name}: {length / pace.block:.1f} samples in a period are too few for the "
-                         "joint filter")
-    ends = [length * (i + 1) for i in range(count - 1)] + [channels.y.shape[0]]
-    return list(zip([0, *ends[:-1]], ends))
+def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
+    """Return the most probable sea and noise with the body held at u, or what some steps come to."""
+    held: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v),
+                                local=lambda _, v: part.local(u, v, body=False))
+    target = Target(0, [held], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
 
 
-def block_likelihood(part: SpectralLikelihood, y: FloatArray) -> SpectralLikelihood:
-    """Return the likelihood of one block, in the units and with the sea model of `part`."""
-    whole = windowed((y - y.mean(axis=0))[None] / part.channels.rms, part.channels, part.rules)
-    low, high = (round(f(f(item.omega[[0, -1]]) for item in part.coefficients) / whole.spacing) for f in (min, max))
-    least = low + 2 * whole.reach + 2
-    return replace(part, coefficients=(replace(whole, first=max(whole.first, low),
-                                               last=min(whole.last, max(high, least))),))
+def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+               race: Race) -> list[Structure]:
+    """Return the structures of the seas that Laplace's evidence leaves room for, the most probable first.
 
-
-def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -> tuple[SpectralLikelihood, Belief]:
-    """Return the likelihood with the most probable family of seas, and the belief after a first block.
-
-    By the mean and covariance of the posterior itself: a short record's is far from normal. Passivity is left to the
-    draws.
+    From one system in every sea each sea is tried in each other family, one after the other; what is more probable is
+    kept, and what remains in the race is the best structure and those that differ from it in one sea. A family whose
+    climb reaches no mode is left out; where that is one system in every sea, or its mode is far from the prior, each
+    has the family of its own record.
     """
-    study = replace(study, points=None)         # the body's belief holds them
-    best = structures(study, [block_likelihood(part, y)], [body], Race())[0]
-    target = replace(study.target([*best.parts, body]), kept=None)
-    draws, _ = sample(target, best.modes, study.rng, 4 * study.rules.draws, 0.0)
-    covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
-    return (replace(part, sea=best.parts[0].sea),
-            Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64)))
+    seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
+    none = None
+    try:
+        best = _climbed(study, parts, others, seas, race)
+        tried = [best]
+    except SolverError as error:
+        if len(parts) > 1:
+            return [_each_its_own(study, parts, others, race)]
+        none, tried = error, []
+        best = _climbed(study, parts, others, seas, race, rough=True)  # a start for other families
+    if len(parts) > 1 and np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0) > race.far:
+        return [_each_its_own(study, parts, others, race)]
+    for i, idle in enumerate(seas):
+        for name in parts[i].families[1:]:
+            other = _with_family(study, best, i, others, name, idle, race)
+            if other is not None:
+                tried.append(other)
+        best = max(tried or [best], key=lambda item: item.evidence)
+    if none and not tried:
+        raise none
+    tried.sort(key=lambda item: -item.evidence)
+    return [item for item in tried if item.evidence > best.evidence - race.hopeless]
 
 
-def updated(belief: Belief, block: SpectralLikelihood, study: Study, pace: Pace) -> Belief:
-    """Return the belief after one more block: one scoring step from where it stood (recursive maximum likelihood).
+def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+             seas: Sequence[FloatArray], race: Race, rough: bool = False) -> Structure:
+    """Return the structure of these families with its mode from the prior's body and some seas."""
+    target = study.target([*parts, *others])
+    start = np.concatenate([np.zeros(study.n_u), *seas])
+    start = np.r_[start, np.zeros(target.size - start.size)]
+    return Structure(tuple(parts), (race.climb(target, start, study.model.n, rough),))
 
-    The score there has mean zero at the truth; peaks of short blocks average the log spectrum, which is biased low.
+
+def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
+                  race: Race) -> Structure:
+    """Return the structure in which each sea has the family that its record alone makes most probable.
+
+    Seas of one system that fit no record drive the body away together.
     """
-    n = study.n_u
-    _, gradient, information = block.local(belief.mean[:n], belief.mean[n:])
-    precision = belief.precision + information
-    step = np.linalg.solve(precision, gradient)
-    step *= min(1.0, pace.longest / max(float(np.abs(step).max()), 1e-300))
-    while not study.allowed(belief.mean[:n] + step[:n]):
-        step = 0.5 * step
-    return Belief(belief.mean + step, precision)
+    alone = [structures(study, [part], others, race)[0] for part in parts]
+    at = slice(study.n_u, None)
+    seas = [best.modes[0].phi[at][:best.parts[0].size] for best in alone]
+    found = _climbed(study, [best.parts[0] for best in alone], others, seas, race)
+    return replace(found, apart=True)
 
 
-def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, block: tuple[int, int], study: Study,
-                pace: Pace) -> tuple[FloatArray, FloatArray]:
-    """Return force mean and half the width of its band (nt, n) of a block from the motion up to its end."""
-    window, n = Window(), study.n_u
-    lead = max(0, block[0] - int(2.0 * window.margin * channels.period / channels.dt))
-    y = channels.y[lead:block[1]] / part.channels.rms
-    draws = study.rng.multivariate_normal(belief.mean, belief.covariance, size=pace.draws)
-    draws = np.array([row if study.allowed(row[:n]) else belief.mean for row in draws])
-    models = [force_model(part, row[:n], row[n:]) for row in draws]
-    mean, half = smoothed(models, y, channels.dt, channels.period)
-    return mean[block[0] - lead:], half[block[0] - lead:]
+def _with_family(study: Study, known: Structure, number: int, others: Sequence[Likelihood], name: str,
+                 idle: FloatArray, race: Race) -> Structure | None:
+    """Return the structure with another family in one sea; None if no mode is reached.
+
+    Climbs start from the prior's body and, with one degree of freedom, from the best mode's, which may have made up for
+    what the sea lacks. `idle`: the sea (of one system) and the noise for the prior's body.
+    """
+    n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
+    new = replace(part, sea=replace(part.sea, name=name))
+    parts = (*known.parts[:number], new, *known.parts[number + 1:])
+    at = n + sum(item.size for item in known.parts[:number])
+    target, modes = study.target([*parts, *others]), list[Peak]()
+    bodies = [np.zeros(n), mode[:n]][:2 if study.model.n == 1 else 1]
+    for u, start in product(bodies, _starts(new, idle, race)):
+        try:
+            sea = sea_mode(new, u, start, race.idle_steps)
+            peak = race.climb(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], study.model.n)
+        except SolverError:
+            continue
+        if not any(peak.near(other, race.same) for other in modes):
+            modes.append(peak)
+    modes.sort(key=lambda peak: -peak.evidence)
+    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - race.hopeless)
+                     ) if modes else None
+
+
+def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[FloatArray]:
+    """Yield starts in a family: the idle sea without departure; with a second system on either side of the first."""
+    sea, noise = part.sea, idle[idle.size - part.size + part.sea.size:]
+    rest = np.r_[np.zeros(sea.size - sea.family.shape), noise]
+    if sea.family.systems == 0:
+        yield np.zeros(part.size)
+    elif sea.family.systems == 1:
+        yield np.r_[idle[:3], rest]
+    else:
+        for period in race.periods:
+            yield np.r_[sea.with_second(idle[:3], race.energy, period), rest]
+
+
+def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:
+    """Draw from every structure and return them by their evidence, of the passive part where that is large enough."""
+    least = study.rules.least_passive
+    targets = [study.target([*item.parts, *others]) for item in found]
+    drawn = [sample(target, item.modes, study.rng, study.rules.draws, least) for item, target in zip(found, targets)]
+    logs, share = np.array([item.evidence for item in found]), np.array([share for _, share in drawn])
+    weights = np.exp(logs - logsumexp(logs))
+    if float(weights @ share) > least:
+        weights = np.where(share > least, weights * share, 0.0)
+        weights = weights / weights.sum()
+    counts = np.diff(np.r_[0, np.round(np.cumsum(weights) * study.rules.draws).astype(int)])
+    branches = [Branch(item, target, float(weight), one, rows[study.rng.permutation(rows.shape[0])[:count]])
+                for item, target, (rows, one), weight, count in zip(found, targets, drawn, weights, counts) if count]
+    return sorted(branches, key=lambda branch: -branch.probability)

@@ -1,151 +1,26 @@
-"""Result of `identify`: coefficients, force and sea with bands, and where each number came from; passive memories."""
+"""Result of `identify`: coefficients, force and sea with bands, and where each number came from; made of draws."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import nnls
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.filter.estimate import Band, plants_of
-from radiation_ss.fit.certificate import PASSIVE
+from radiation_ss.filter.estimate import Band, by_parts, plants_of
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.identification.passivity import nearest_passive
+from radiation_ss.identification.study import Findings, ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
     from matplotlib.figure import Figure
-
-
-def frequencies(form: Parametrisation, count: int = 120) -> FloatArray:
-    """Return 0 and frequencies [rad/s] from far below the slowest pole of the prior mean to far above its fastest."""
-    sizes = np.abs(np.linalg.eigvals(form.realise(form.mean).a))
-    return np.r_[0.0, np.geomspace(0.02 * sizes.min(), 50.0 * sizes.max(), count)]
-
-
-def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, chunk: int = 200) -> np.ndarray:
-    """Return whether the Hermitian part of K is positive semidefinite, shape (S,), for theta of shape (S, d).
-
-    Of each degree of freedom a share `slack` of its largest damping may be missing.
-    """
-    omega, out = frequencies(form), np.zeros(theta.shape[0], dtype=bool)
-    for start in range(0, theta.shape[0], chunk):
-        damping = form.K(theta[start:start + chunk], omega).real
-        size = np.sqrt(np.abs(np.einsum("swjj->swj", damping)).max(axis=1)) + 1e-300
-        damping = damping / (size[:, None, :, None] * size[:, None, None, :]) + slack * np.eye(len(form.dofs))
-        out[start:start + chunk] = positive_definite(damping).all(axis=1)
-    return out
-
-
-def positive_definite(matrices: FloatArray) -> np.ndarray:
-    """Return which symmetric matrices, shape (..., n, n), are positive (semi)definite: no pivot is negative."""
-    good, left = np.ones(matrices.shape[:-2], dtype=bool), matrices
-    while left.shape[-1]:
-        pivot, column = left[..., 0, 0], left[..., 1:, 0]
-        good &= pivot >= 0.0
-        left = left[..., 1:, 1:] - column[..., :, None] * (column / np.maximum(pivot, 1e-300)[..., None])[..., None, :]
-    return good
-
-
-def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
-                    matters: float = 0.5) -> tuple[FloatArray, str]:
-    """Return theta, moved as little as needed to be passive (certified), and what was done, "" if nothing that matters.
-
-    Least is the move that the draws (S, d) think most probable; where that is not found, on the way to the nearest
-    passive draw, or to the prior mean. A move of K below `matters` of its standard deviations says nothing of model or
-    records.
-    """
-    certificate = form.realise(theta).certificate
-    if certificate.passive:
-        return theta, ""
-    where = f"negative damping at {certificate.worst_omega:.3g} rad/s" if certificate.stable else "an unstable pole"
-    moved = most_probable_passive(form, theta, draws)
-    if moved is None:
-        moved = towards_passive(form, theta, draws)
-    if moved is None:
-        return theta, f"the fit of the mean parameters has {where}, and no passive one was found near it"
-    omega = frequencies(form)
-    K, change = form.K(draws, omega), form.K(moved, omega) - form.K(theta, omega)
-    floor = 1e-3 * np.abs(K).max(axis=(0, 1))       # next to nothing beside the entry's largest
-    away = float((np.abs(change) / np.maximum(np.sqrt(K.real.var(axis=0) + K.imag.var(axis=0)), floor)).max())
-    if away < matters:
-        return moved, ""
-    share = np.linalg.norm(change) / np.linalg.norm(form.K(theta, omega))
-    return moved, (f"the fit of the mean parameters has {where}; the fit handed on is passive, its K {100 * share:.2g} "
-                   f"% away, {away:.2g} of its standard deviations at most")
-
-
-def most_probable_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
-                          rounds: int = 40) -> FloatArray | None:
-    """Return the passive parameters nearest to theta by the draws' covariance; None if not reached in these rounds.
-
-    By cuts: wherever the damping is negative, its least eigenvalue is asked to rise to zero, linear in the parameters;
-    the least move that meets all cuts so far (Lawson and Hanson 1974, chapter 23) is the next place.
-    """
-    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
-    _, size, axes = np.linalg.svd((draws - draws.mean(axis=0)) / spread, full_matrices=False)
-    used = size > 1e-6 * size[0]
-    steps = (size[used, None] / np.sqrt(draws.shape[0]) * axes[used]) * spread      # one deviation along each axis
-    omega, z, cuts = frequencies(form), np.zeros(steps.shape[0]), list[FloatArray]()
-    scale = np.sqrt(np.abs(np.einsum("wjj->wj", form.K(theta, omega).real)).max(axis=0)) + 1e-300
-    for _ in range(rounds):
-        at = form.tied(theta + z @ steps)
-        certificate = form.realise(at).certificate
-        if certificate.passive:
-            return at
-        if not certificate.stable:
-            return None
-        w = np.sort(np.r_[omega, 30.0 * omega[-1], min(certificate.worst_omega, 30.0 * omega[-1])])
-        least, vectors = np.linalg.eigh(form.K(at, w).real / np.outer(scale, scale))
-        negative = least[:, 0] < -1e-13             # at rest rounding alone
-        low = np.flatnonzero(negative & (least[:, 0] <= np.r_[np.inf, least[:-1, 0]])
-                             & (least[:, 0] <= np.r_[least[1:, 0], np.inf]))
-        low = np.union1d(low, np.flatnonzero(negative)[-1:])    # the tail, else pushed out step by step
-        slopes = (form.K(form.tied(at + 1e-5 * steps), w[low]) - form.K(at, w[low])).real / 1e-5
-        for i, k in enumerate(low):
-            v = vectors[k, :, 0] / scale
-            slope = np.einsum("j,ajk,k->a", v, slopes[:, i], v)
-            length = max(float(np.linalg.norm(slope)), 1e-300)
-            cuts.append(np.r_[slope, slope @ z - least[k, 0]] / length)
-        if not cuts:
-            return None
-        E = np.array(cuts).T
-        residual = E @ nnls(E, np.r_[np.zeros(z.size), 1.0])[0] - np.r_[np.zeros(z.size), 1.0]
-        if abs(residual[-1]) < 1e-12:
-            return None
-        z = -residual[:-1] / residual[-1]
-    return None
-
-
-def towards_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray) -> FloatArray | None:
-    """Return the first passive parameters on the way to the nearest passive draw, else to the prior mean."""
-    spread = np.where(draws.std(axis=0) > 0.0, draws.std(axis=0), 1.0)
-    order = np.argsort(np.sum(((draws - theta) / spread) ** 2, axis=1))
-    goal = next((draws[i] for i in order[passive(form, draws[order])] if form.realise(draws[i]).passive), form.mean)
-    if not form.realise(goal).passive:
-        return None
-    low, high = 0.0, 1.0
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        inside = form.realise(form.tied(theta + middle * (goal - theta))).passive
-        low, high = (low, middle) if inside else (middle, high)
-    return form.tied(theta + high * (goal - theta))
-
-
-@dataclass(frozen=True, eq=False)
-class ForceEstimate:
-    """Exciting force of one record with its 95 % band, each (n, nt), at times (nt,) [s]."""
-
-    time: FloatArray
-    mean: FloatArray
-    lower: FloatArray
-    upper: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -272,3 +147,147 @@ class Identification(Shown):
 
     def __str__(self) -> str:
         return later(self, "__str__")
+
+
+def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:
+    """Return the Identification of a method's findings at the frequencies omega [rad/s]."""
+    form = study.form
+    theta = form.theta(findings.u)
+    K = form.K(theta, omega)
+    A_inf = study.draws_of_A_inf(findings.u)
+    A_draws = A_inf[:, None] + K.imag / omega[:, None, None]
+    power = findings.with_power(omega)
+    shares = information_shares(study, findings.u, K, omega)
+    shares |= {"data": np.where(power, shares["data"], 0.0), "prior": shares["prior"] + ~power * shares["data"]}
+    prior_K = form.K(form.mean, omega)
+    prior = {"K": prior_K, "B": prior_K.real, "A": form.A_inf + prior_K.imag / omega[:, None, None]}
+    estimate = theta.mean(axis=0) if findings.centre is None else form.theta(findings.centre)
+    centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
+    parameters = _parameters(study, theta, estimate)
+    nominal = _nominal(study, findings.u)
+    warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
+    zero = form.K(theta, [0.0])[:, 0].real
+    bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
+    if findings.centre is not None:
+        at = form.K(estimate, omega)
+        values = {"A": A_inf.mean(axis=0) + at.imag / omega[:, None, None], "B": at.real, "K": at,
+                  "K_zero": form.K(estimate, [0.0])[0].real}
+        bands = {name: band.about(values[name]) for name, band in bands.items()}
+    if not power.all():
+        bands = widened(study, bands, A_inf, omega, ~power)
+    baseline = {"what": "parameters left at the prior mean", "A": prior["A"], "B": prior["B"],
+                "distance_of_K": float(np.linalg.norm(prior_K - bands["K"].mean) / np.linalg.norm(bands["K"].mean)),
+                **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
+    return Identification(
+        method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
+        fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
+        sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
+        baseline=baseline, warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
+
+
+def widened(study: Study, bands: dict[str, Band], A_inf: FloatArray, omega: FloatArray,
+            where: np.ndarray) -> dict[str, Band]:
+    """Return the bands of A, B and K made at least the prior's at some frequencies; draws of A_inf (S, n, n)."""
+    K = study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega[where], np.random.default_rng(3))
+    any_A_inf = A_inf[np.arange(K.shape[0]) % A_inf.shape[0]][:, None]
+    priors = {"A": any_A_inf + K.imag / omega[where][:, None, None], "B": K.real, "K": K}
+    out = dict(bands)
+    for name, draws in priors.items():
+        wide, band = Band.of(draws), bands[name]
+        lower, upper = band.lower.copy(), band.upper.copy()
+        lower[where] = by_parts(np.minimum, lower[where], wide.lower)
+        upper[where] = by_parts(np.maximum, upper[where], wide.upper)
+        out[name] = Band(band.mean, lower, upper)
+    return out
+
+
+def _row(values: FloatArray, mean: float, prior_mean: float, prior_std: float) -> dict[str, float]:
+    std = float(values.std())
+    known = prior_std > 0.0
+    return {"mean": float(mean), "std": std, "prior_mean": float(prior_mean), "prior_std": float(prior_std),
+            "moved": float((mean - prior_mean) / prior_std) if known else 0.0,
+            "resolved": float(max(0.0, 1.0 - (std / prior_std) ** 2)) if known else 0.0}
+
+
+def _parameters(study: Study, theta: FloatArray, estimate: FloatArray) -> dict[str, dict[str, float]]:
+    form = study.form
+    kept = {i for block in form.own.blocks for entry in range(len(block.entries))
+            for i in (*range(form.mean.size)[block.denominator], *range(form.mean.size)[block.numerator(entry)])}
+    return {name: _row(theta[:, i], estimate[i], form.mean[i], form.std[i]) for i, name in enumerate(form.names)
+            if i in kept}
+
+
+def _nominal(study: Study, u: FloatArray) -> dict[str, dict[str, float]]:
+    """Return the relative changes of the model's nominal numbers."""
+    form = study.form
+    change = form.nominal_change(u) if form.nominal else np.empty((1, 0))
+    return {f"{kind} [{form.dofs[dof]}]": _row(values, values.mean(), 0.0, tolerance)
+            for (kind, dof, tolerance, _), values in zip(form.nominal, change.T)}
+
+
+def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
+    """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
+
+    1/V0, 1/V1 - 1/V0 and 1/V2 - 1/V1, with V the variance of K under the prior, with points, and with everything;
+    entries are pooled.
+    """
+    rng = np.random.default_rng(1)
+    V0 = _variance(study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega, rng))
+    V2 = _variance(K)
+    prior = _pooled(V2, V0)
+    if study.points is None:
+        return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
+    if not study.records:
+        return {"prior": prior, "points": 1.0 - prior, "data": np.zeros_like(prior)}
+    centre = u.mean(axis=0)
+    jacobian = study.points.jacobian(centre)
+    covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
+    before_data = np.maximum(_pooled(V2, _variance(study.draws_of_K(covariance, centre, omega, rng))), prior)
+    return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
+
+
+def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
+    """Return the ratio of variances (nw, n, n), averaged over entries with any, between 0 and 1."""
+    used = large > 0.0
+    ratio = np.divide(small, large, out=np.ones_like(large), where=used)
+    return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)
+
+
+def _variance(K: ComplexArray) -> FloatArray:
+    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0), dtype=np.float64)
+
+
+def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str, float]],
+                nominal: dict[str, dict[str, float]], shares: dict[str, FloatArray], mended: str) -> Iterator[str]:
+    """Yield what the user must know about where the numbers came from; `mended`: what made the memory passive."""
+    rules, what = study.rules, {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring",
+                                "sensor": "gain of the motion sensor"}
+    by_elevation = any(kind == "sensor" for kind, *_ in study.form.nominal) and all(
+        record.kind != "decay" and record.get("force", study.model.dofs) is None for record in study.records)
+    tied = ", or X with the damping that it is tied to" if by_elevation else ""
+    for name, row in nominal.items():
+        if abs(row["mean"]) > rules.doubt * row["std"]:
+            yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
+                   f"({what[name.split()[0]]}{tied}; tolerance {row['prior_std']:.1%}): check it")
+    far = [f"{name} by {row['moved']:+.2g}" for name, row in parameters.items()
+           if abs(row["moved"]) > rules.contradiction]
+    if far:
+        yield (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
+               "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into "
+               "the parameters, which the bands do not cover")
+    if mended:
+        yield mended
+    if findings.passive is not None and findings.passive <= rules.least_passive:
+        before = study.passive(np.random.default_rng(2).standard_normal((200, study.n_u))).mean()
+        yield ("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
+               "radiation model itself is close to the limit" if before <= rules.least_passive else
+               "the records ask for a radiation kernel that gives energy to the body (passive with a probability of "
+               f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error of "
+               "phase, scale or A_inf")
+    data, points = float(shares["data"].mean()), float(shares["points"].mean())
+    if study.points is not None and points > 0.5 and data < 0.1:
+        yield (f"the known points do the work: they give {100 * points:.0f} % of the precision of K on average, the "
+               f"records {100 * data:.0f} %")
+    if study.records and data < 0.05:
+        yield (f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the result is "
+               "the prior" + (" and the points" if study.points is not None else ""))

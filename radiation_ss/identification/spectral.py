@@ -12,7 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
-from radiation_ss.identification.channels import Channels, strong_bins
+from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.haskind import Haskind, RelativeErrors, motion_slopes, receptance_times_X, relation
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.inference.parameters import Parametrisation
@@ -48,6 +48,14 @@ class SpectralRules:
     gap_reach: float = 1.5
     shortest: float = 4.0
     longest: float = 400.0  # Periods; a longer stretch is cut into equal ones that are taken as independent
+
+    def windowed(self, y: FloatArray, channels: Channels) -> Coefficients:
+        """Return the Fourier coefficients in the widest band of stretches (m, nt, p), over each channel's rms."""
+        spacing = 2.0 * np.pi / (y.shape[1] * channels.dt)
+        first = max(int(np.ceil(self.lowest * channels.frequency / spacing)), 2)
+        last = int(min(self.highest * channels.frequency, 0.8 * np.pi / channels.dt) / spacing)
+        part = Coefficients(y / channels.rms, channels.dt, first, last)
+        return replace(part, last=max(last, first + 2 * part.reach + 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,23 +107,23 @@ class SpectralLikelihood:
     @cached_property
     def band(self) -> tuple[float, float]:
         """Lowest and highest frequency [rad/s] at which the motion has power."""
-        strong = [with_power(part, self.rules.strong).omega for part in self.coefficients]
+        strong = [part.with_power(self.rules.strong).omega for part in self.coefficients]
         return min(float(omega[0]) for omega in strong), max(float(omega[-1]) for omega in strong)
 
     @cached_property
     def haskind(self) -> tuple[Haskind, ...]:
         """Haskind's relation at each stretch's frequencies."""
-        return tuple(relation(self.model, self.form, frequencies(part))[0] for part in self.coefficients)
+        return tuple(relation(self.model, self.form, part.positive)[0] for part in self.coefficients)
 
     @cached_property
     def _factors(self) -> tuple[ComplexArray, ...]:
         """For each stretch the channels' derivative factors (nw, p), in units of each channel's rms."""
-        return tuple(np.asarray((1j * frequencies(part)[:, None]) ** self.channels.derivative / self.channels.rms,
+        return tuple(np.asarray((1j * part.positive[:, None]) ** self.channels.derivative / self.channels.rms,
                                 dtype=np.complex128) for part in self.coefficients)
 
     def responses(self, number: int, u: FloatArray, v: FloatArray) -> ComplexArray:
         """Return channels per wave amplitude, in units of each channel's rms, shape (..., nw, p)."""
-        w = frequencies(self.coefficients[number])
+        w = self.coefficients[number].positive
         motion = receptance_times_X(self.model, self.form, u, w, self.with_errors(v, self.haskind[number], w))[1]
         return np.asarray(motion[..., self.channels.dof] * self._factors[number])
 
@@ -135,7 +143,7 @@ class SpectralLikelihood:
         """Yield the derivatives (m, nw, p, p) of `spectra` S by some parameters of [u, v], and which these are."""
         share, n, end = self.unexplained(v), u.size * body, self.sea.size
         own, density = np.eye(self.channels.count), self.sea.density(v[:end], self.coefficients[number].fine)
-        w, dof, factor = frequencies(self.coefficients[number]), self.channels.dof, self._factors[number]
+        w, dof, factor = self.coefficients[number].positive, self.channels.dof, self._factors[number]
         haskind, slopes = self.with_errors(v, self.haskind[number], w), None
         if body:
             motion, slopes = motion_slopes(self.model, self.form, u, w, haskind)
@@ -201,11 +209,6 @@ class SpectralLikelihood:
         return value, gradient, fisher
 
 
-def frequencies(part: Coefficients) -> FloatArray:
-    """Return the positive frequencies [rad/s] at which a stretch's spectra are formed."""
-    return np.maximum(part.fine, part.spacing / part.finer)
-
-
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, force_error: float = 0.0, *,
                         rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
@@ -214,7 +217,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     record into stretches that are taken as independent; shorter ones are filled.
     """
     rules = rules or SpectralRules()
-    channels = one_each(channels)
+    channels = channels.one_each()
     w_mid, period = channels.frequency, channels.period / channels.dt
     y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
                   for column in channels.y.T], axis=1)
@@ -227,7 +230,7 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     if not whole:
         raise InputError(f"record {channels.name}: no stretch without gaps is longer than {rules.shortest:g} periods "
                          "of the motion")
-    parts = tuple(with_power(windowed(part / channels.rms, channels, rules), rules.power) for part in whole)
+    parts = tuple(rules.windowed(part, channels).with_power(rules.power) for part in whole)
     ends = min(part.omega[0] for part in parts), max(part.omega[-1] for part in parts)
     count = int(np.clip(round(np.log(ends[1] / ends[0]) / rules.knot_spacing) + 1, *rules.knots))
     sea = SeaModel(1.0, 2.0 * np.pi / w_mid, np.geomspace(*ends, count))
@@ -235,34 +238,6 @@ def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels,
     likelihood = replace(likelihood, sea=replace(sea, edges=likelihood.band))
     sea = replace(_first_guess(likelihood), name=likelihood.families[0])
     return replace(likelihood, sea=sea), relation(model, form, parts[0].omega)[1]
-
-
-def windowed(y: FloatArray, channels: Channels, rules: SpectralRules) -> Coefficients:
-    """Return the Fourier coefficients in the widest band of stretches (m, nt, p) in units of each channel's rms."""
-    spacing = 2.0 * np.pi / (y.shape[1] * channels.dt)
-    first = max(int(np.ceil(rules.lowest * channels.frequency / spacing)), 2)
-    last = int(min(rules.highest * channels.frequency, 0.8 * np.pi / channels.dt) / spacing)
-    part = Coefficients(y, channels.dt, first, last)
-    return replace(part, last=max(last, first + 2 * part.reach + 2))
-
-
-def with_power(part: Coefficients, floor: float) -> Coefficients:
-    """Return the stretch with the bins at either end left out where no motion has `floor` of its largest density."""
-    density = np.mean(np.abs(part.z) ** 2, axis=0)
-    good = strong_bins(density, floor)
-    # The window smears an edge over two bins and the average over one.
-    first, last = part.first + good[0] + 2 * (good[0] > 0), part.first + good[-1] - 2 * (good[-1] < len(density) - 1)
-    least = 2 * part.reach + 2
-    if last - first < least:
-        first = max(part.first, (first + last - least) // 2)
-        last = first + least
-    return replace(part, first=int(first), last=int(last))
-
-
-def one_each(channels: Channels) -> Channels:
-    """Return the channel of lowest derivative of each degree of freedom."""
-    return channels.pick(np.array([i for i in range(channels.count) if channels.derivative[i]
-                                   == channels.derivative[channels.dof == channels.dof[i]].min()]))
 
 
 def _first_guess(likelihood: SpectralLikelihood) -> SeaModel:

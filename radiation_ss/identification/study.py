@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
-from radiation_ss.identification.result import ForceEstimate, passive
+from radiation_ss.identification.passivity import passive
 from radiation_ss.inference.laplace import Likelihood, Target
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
@@ -140,6 +140,39 @@ class Study:
         inside = self.passive(stable)
         return stable[inside] if inside.mean() > self.rules.least_passive and inside.sum() > 20 else stable
 
+    def draws_of_K(self, covariance: FloatArray, centre: FloatArray, omega: FloatArray,
+                   rng: np.random.Generator) -> ComplexArray:
+        """Return K of 2000 draws of a normal distribution of u, those that the prior allows."""
+        draws = centre + rng.standard_normal((2000, self.n_u)) @ np.linalg.cholesky(covariance).T
+        return self.form.K(self.form.theta(self.kept(draws)), omega)
+
+    def draws_of_A_inf(self, u: FloatArray) -> FloatArray:
+        """Return A_inf of draws u, shape (S, n, n), from what the records say of inertia.
+
+        Motion tells M + A_inf alone: its change is shared out by the tolerances of the two, and what that leaves open
+        is drawn.
+        """
+        form, tolerance, mass = self.form, self.rules.tolerances, np.diag(self.model.M)
+        own, rng = np.diag(form.A_inf), np.random.default_rng(self.seed)
+        root = np.ones((u.shape[0], own.size))
+        for i, (kind, j, _, _) in enumerate(form.nominal):
+            if kind == "inertia" and own[j] > 0.0:
+                a, m = tolerance["A_inf"] * own[j], tolerance["mass"] * mass[j]
+                moved = form.nominal_change(u)[:, i] * (own[j] + mass[j]) * a**2 / (a**2 + m**2)
+                moved += a * m / np.hypot(a, m) * rng.standard_normal(u.shape[0])
+                root[:, j] = np.sqrt(np.maximum(1.0 + moved / own[j], 0.05))
+        return np.asarray(root[:, :, None] * form.A_inf * root[:, None, :])
+
+
+@dataclass(frozen=True, eq=False)
+class ForceEstimate:
+    """Exciting force of one record with its 95 % band, each (n, nt), at times (nt,) [s]."""
+
+    time: FloatArray
+    mean: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
 
 @dataclass(frozen=True, eq=False)
 class Findings:
@@ -154,6 +187,13 @@ class Findings:
     passive: float | None = None
     centre: FloatArray | None = None  # (d_u,): The estimate, where it is not the mean of the draws
     bands: tuple[tuple[float, float], ...] = ()  # Lowest and highest frequency [rad/s] at which each record has power
+
+    def with_power(self, omega: FloatArray) -> np.ndarray:
+        """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
+        if not self.bands:
+            return np.ones(omega.size, dtype=bool)
+        edges = np.r_[omega[0], 0.5 * (omega[1:] + omega[:-1]), omega[-1]]
+        return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in self.bands], axis=0)
 
 
 def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], close: float = 0.1) -> FloatArray:

@@ -22,7 +22,6 @@ from radiation_ss.inference.trajectory import Normal, Trajectories
 from radiation_ss.inference.trajectory_fit import Added, Theory
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.linear import Kernel, exact_step
-from radiation_ss.simulation.linearised import corrected_plant
 
 LARGEST = 5_000_000  # Numbers of a record's columns that are held at once
 
@@ -142,7 +141,7 @@ def linear_theory(trial: Trajectories, q: FloatArray) -> list[Kernel]:
     problem, numbers = trial.problem, trial.estimate(q, np.eye(q.size))
     corrected = Corrected({(a.name, a.dof): float(a.vector[0]) for a in numbers.nominal}, numbers.effects,
                           trial.stated, {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
-    plant = corrected_plant(corrected, problem.model)
+    plant = corrected.to_ss(problem.model)
     A, B, C = (np.asarray(part) for part in (plant.A, plant.B, plant.C))
     runs = [problem.runs[r] for r in trial.records]
     return [Kernel.of(exact_step(A, B, run.dt), C[: problem.model.n], run.time.size) for run in runs]

@@ -71,19 +71,10 @@ def is_table(given: Any) -> bool:
 
 
 def as_records(given: Any, model: Model | None = None) -> Any:
-    """Return files, DataFrames and Datasets as Records, alone or in a sequence, with the columns of a model; InputError
-    for what is none.
-    """
-    def one(item: Any) -> Record:
-        if isinstance(item, Record):
-            return item
-        if isinstance(item, str | Path) or is_table(item):
-            return as_record(item, dofs=() if model is None else model.dofs)
-        raise InputError("records: a Record, a pandas.DataFrame or the name of a file is needed, "
-                         f"{type(item).__name__} found")
-
+    """Return whatever stands for records as Records, alone or in a sequence, with the columns of a model."""
+    dofs = () if model is None else model.dofs
     several = isinstance(given, Iterable) and not isinstance(given, str | Mapping) and not is_table(given)
-    return [one(item) for item in given] if several else one(given)
+    return [as_record(item, dofs=dofs) for item in given] if several else as_record(given, dofs=dofs)
 
 
 def as_one_record(given: Any, model: Model | None = None) -> Record:

@@ -12,9 +12,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
-from radiation_ss.records.comments import KNOT
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
+from radiation_ss.units import KNOT
 
 
 def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, longest_step: float = 4.5,

@@ -24,8 +24,7 @@ from radiation_ss.records.columns import (
     plain_columns,
     values_in_si,
 )
-from radiation_ss.records.comments import OWN, comment_line, speed_of
-from radiation_ss.records.csv_files import read_csv, write_csv
+from radiation_ss.records.csv_files import OWN, comment_line, read_csv, speed_of, write_csv
 from radiation_ss.records.record import Record, time_fault
 from radiation_ss.records.record_checks import suspicions
 

@@ -14,8 +14,8 @@ from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
-from radiation_ss.records.comments import number_in
 from radiation_ss.records.convert import as_record
+from radiation_ss.records.csv_files import number_in
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of
 from radiation_ss.waves.dispersion import carry_elevation

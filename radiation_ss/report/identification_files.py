@@ -15,7 +15,8 @@ from radiation_ss import style
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.filter.estimate import LEVEL, Band
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.identification.result import ForceEstimate, Identification
+from radiation_ss.identification.result import Identification
+from radiation_ss.identification.study import ForceEstimate
 from radiation_ss.records.signals import stretches
 
 if TYPE_CHECKING:

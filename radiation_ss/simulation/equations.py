@@ -1,15 +1,17 @@
-"""The equations of motion of the composite with a set of effects, as CasADi functions."""
+"""The equations of motion of the composite with a set of effects: CasADi functions, and a python-control system."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import signal_names
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
@@ -18,6 +20,9 @@ from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import Active, named, vector_of
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
+
+if TYPE_CHECKING:
+    import control as ct
 
 
 class MotionEquations:
@@ -229,3 +234,43 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
     own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
     states = [*(f"rad{k + 1}" for k in range(model.fit.states)), *stems, *(f"{stem}_vel" for stem in stems), *own]
     return states, [*inputs, *extra], list(outputs)
+
+
+@accepting(model=as_model)
+def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
+    """Return the model with effects as a python-control system.
+
+    Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
+    [m/s], `wave_envelope` [m], `<dof>_orbital` [m/s, rad/s] and the forward speed `speed` [m/s]; outputs `<dof>` as its
+    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then
+    `<effect>_<k>`. Delays of force and sensors and a phase of the force are left out; `params["left_out"]` names them.
+
+    Parameters
+    ----------
+    effects : iterable
+        As in `simulate`.
+    name : str, optional
+        Of the system; the model's if absent.
+
+    Examples
+    --------
+    >>> import numpy as np, radiation_ss as rss
+    >>> rigid = rss.RadiationFit(("Roll",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    >>> model = rss.Model(("Roll",), [[2.0]], [[1.0]], [[50.0]], rigid)
+    >>> system = nonlinear_system(model, [("quadratic_drag", {"coefficient": 3.0})])
+    >>> system.state_labels, system.input_labels, system.output_labels
+    (['roll', 'roll_vel'], ['roll_force'], ['roll', 'roll_vel', 'roll_acc'])
+    """
+    import control as ct
+
+    actives = activated(effects, model)
+    function = state_equations(model, actives)
+    states, inputs, outputs = signals_of(model, actives)
+
+    def at(t: float, x: FloatArray, u: FloatArray, which: int) -> FloatArray:
+        return np.asarray(function(t, x, u)[which]).ravel()
+
+    left_out = tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
+    return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
+                    states=states, inputs=inputs, outputs=outputs, name=re.sub(r"\W+", "_", name or model.name),
+                    params={"left_out": left_out})

@@ -9,7 +9,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.records.comments import number_in
+from radiation_ss.records.csv_files import number_in
 from radiation_ss.records.record import Record
 from radiation_ss.waves.force import transfer
 

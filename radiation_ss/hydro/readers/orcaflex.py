@@ -13,6 +13,7 @@ import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, constant, delay
@@ -86,9 +87,7 @@ def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatA
     m = mass * file.number(draught, "Mass")
     inertia = mass * length ** 2 * file.table(draught, "MomentOfInertiaTensor", (3, 3))
     centre = "CentreOfMass" if "CentreOfMass" in draught else "CentreOfGravity"  # the name in older versions
-    x, y, z = length * file.table(draught, centre, (3,)) - origin
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[m * np.eye(3), -m * cross], [m * cross, inertia - m * cross @ cross]])
+    return rigid_inertia(m, inertia, length * file.table(draught, centre, (3,)) - origin)
 
 
 def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
 from radiation_ss.errors import InputError, SolverError
+from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
 from radiation_ss.hydro.section.green import FarField
@@ -24,25 +25,13 @@ BLOCK = 25  # frequencies solved together, fewer where the matrices are large
 
 @dataclass(frozen=True, eq=False)
 class SectionSolution:
-    """All that `solve_section` finds.
+    """All that `solve_section` finds."""
 
-    Parameters
-    ----------
-    hydro : HydroData
-        Coefficients per unit length; `.hydro.times(length)` for a body.
-    checks : SectionChecks
-    section : Section
-    panels : int
-        Panels on the whole contour.
-    far_field : FarField
-        Radiated and scattered waves.
-    """
-
-    hydro: HydroData
+    hydro: HydroData  # Coefficients per unit length; `.hydro.times(length)` for a body
     checks: SectionChecks
     section: Section
-    panels: int
-    far_field: FarField
+    panels: int  # On the whole contour
+    far_field: FarField  # Radiated and scattered waves
 
 
 def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: Any) -> HydroData:
@@ -170,9 +159,8 @@ def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
     C = np.diag([0.0, 2.0 * b, 2.0 / 3.0 * b ** 3 + S * (section.centre_of_buoyancy - z_G)]) * rho * g
     if gyradius is None:
         return C, None
-    M = np.diag([1.0, 1.0, positive(gyradius, "gyradius", "m") ** 2 + z_G ** 2])
-    M[0, 2] = M[2, 0] = -z_G
-    return C, rho * S * M
+    square = np.diag([positive(gyradius, "gyradius", "m") ** 2, 0.0, 0.0])
+    return C, rho * S * rigid_inertia(1.0, square, np.array([0.0, 0.0, z_G]))[1:4, 1:4]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.shapes import SectionLike, as_section
 from radiation_ss.hydro.section.solver import section_2d
@@ -76,7 +77,10 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
     C = along("C")
     C[3, 3] += first.rho * first.g * (np.trapezoid(moments, x) - volume * centre_of_gravity)
     x_B = sum((b - a) / 6.0 * (p * a + (p + q) * (a + b) + q * b) for a, b, p, q in zip(x, x[1:], areas, areas[1:]))
-    M = None if gyradii is None else first.rho * volume * _unit_inertia(x_B / volume, centre_of_gravity, gyradii)
+    M = None
+    if gyradii is not None:
+        squares = np.diag([positive(k, "gyradii", "m") ** 2 for k in gyradii])
+        M = first.rho * volume * rigid_inertia(1.0, squares, np.array([x_B / volume, 0.0, centre_of_gravity]))[1:, 1:]
     return HydroData(omega=first.omega, A=along("A"), B=along("B"), A_inf=along("A_inf"), C=C, M=M, X=along("X"),
                      dofs=DOFS, rho=first.rho, g=first.g, depth=first.depth, directions=first.directions,
                      source=f"strip theory, {len(known)} sections",
@@ -91,13 +95,3 @@ def _local(x: float) -> FloatArray:
     T[2, 2] = 1.0
     return T
 
-
-def _unit_inertia(x_G: float, z_G: float, gyradii: tuple[float, float, float]) -> FloatArray:
-    """Return M of unit mass about the origin in Sway, Heave, Roll, Pitch, Yaw."""
-    roll, pitch, yaw = (positive(k, "gyradii", "m") for k in gyradii)
-    # sway and heave of G: T from the motions about the origin, as for a section, and z_G below the roll axis
-    T = _local(x_G)
-    T[0, 2] = -z_G
-    surge = np.array([0.0, 0.0, 0.0, z_G, 0.0])  # of G from pitch
-    rotations = np.diag([0.0, 0.0, roll ** 2, pitch ** 2, yaw ** 2])
-    return np.outer(T[0], T[0]) + np.outer(T[1], T[1]) + np.outer(surge, surge) + rotations
