@@ -45,6 +45,19 @@ def test_a_slow_motion_keeps_its_period_and_damping_though_the_waves_are_fitted_
     assert any("natural frequency" in note for note in model.fit.notes)
 
 
+@pytest.mark.parametrize("order", [3, 5])
+def test_a_motion_that_nothing_restores_is_not_damped_at_rest(order):
+    """A mooring holds it far below the waves, where the closed form has hardly any damping."""
+    data, omega = slow_body().replace(C=[[0.0]]), 0.03
+    exact, free = kernel(1j * omega).real, rss.fit_radiation(data, order).frequency_response([omega])[0, 0, 0].real
+    model = rss.Model.from_hydro(data, order=order)
+    assert model.fit.passive
+    assert abs(model.fit.frequency_response([omega])[0, 0, 0].real - exact) < 0.01 * abs(free - exact)
+    assert any("nothing restores Surge" in note for note in model.fit.notes)
+    asked = rss.Model.from_hydro(data, order=order, at_zero="free").fit
+    assert asked.frequency_response([omega])[0, 0, 0].real == pytest.approx(free)
+
+
 def test_points_and_fits_of_ones_own_are_kept():
     data = slow_body()
     own = rss.fit_radiation(data, 4)

@@ -37,6 +37,13 @@ def test_bad_words_are_one_line_and_status_two(words, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_second_value_of_an_option_that_is_repeated_says_so(capsys):
+    with pytest.raises(SystemExit):
+        main(["diagnose", "m.nc", "a.csv", "--withhold", "b.csv", "c.csv", "--out", "x"])
+    shown = capsys.readouterr().err
+    assert "c.csv" in shown and "--withhold A --withhold B" in shown and shown.count("\n") == 1
+
+
 def test_a_choice_that_is_none_names_the_choices(capsys):
     with pytest.raises(SystemExit):
         main(["fit", "x.nc", "--at-zero", "foo", "--out", "f.json"])

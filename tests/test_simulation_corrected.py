@@ -93,3 +93,9 @@ def test_a_file_comes_back_as_it_was(tmp_path):
     found.write(tmp_path / "corrected.json")
     again = read_corrected(tmp_path / "corrected.json", tank_model())
     assert again.to_dict() == found.to_dict()
+
+
+def test_a_file_of_a_model_with_another_fit_is_told_so(tmp_path):
+    corrected(nominal={("nominal_kernel_shape_6", "Heave"): 0.03}).write(tmp_path / "corrected.json")
+    with pytest.raises(InputError, match=r"'nominal_kernel_shape_6'.*with the same fit of its radiation"):
+        read_corrected(tmp_path / "corrected.json", tank_model())

@@ -228,3 +228,19 @@ def test_a_body_that_friction_holds_passes_where_a_static_load_heels_it_as_state
     check_units(model, [held, static])
     with pytest.raises(InputError, match=r"record held, .*times as much as the model"):
         check_units(model, [held])
+
+
+@pytest.mark.parametrize("times, told", [(1.0, False), (2.8, True)])
+def test_a_force_that_x_makes_too_large_names_x(times, told):
+    """A body that nothing restores, in a sea of three lines; its motion in closed form."""
+    time, omega, mass = np.arange(0.0, 120.0, 0.1), np.array([0.8, 1.0, 1.3]), 5.0
+    table, one = np.linspace(0.2, 4.0, 20), np.ones((20, 1, 1))
+    data = rss.HydroData(table, 1.0 * one, 1e-6 * one, A_inf=[[1.0]], dofs="Sway", M=[[mass - 1.0]], C=[[0.0]],
+                         X=20.0 * times * one.astype(complex), directions=[0.0])
+    model = rss.Model.from_hydro(data, rss.RadiationFit(("Sway",), np.zeros((0, 0)), np.zeros((0, 1)),
+                                                        np.zeros((1, 0)), 0))
+    waves = np.cos(np.outer(time, omega))
+    record = rss.Record(time, {"wave_elevation": waves.sum(axis=1), "Sway": waves @ (-20.0 / (mass * omega**2))},
+                        kind="waves", name="sea")
+    said = " ".join(doubts(model, record))
+    assert ("check X (N per metre of wave amplitude)" in said) == told

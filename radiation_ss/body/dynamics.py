@@ -197,10 +197,11 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
                    least: float = 0.02, dearest: float = 1.5) -> RadiationFit:
     """Return a fit of data with M, C and A_inf.
 
-    With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. Where the fit
-    misses more than the share `least` of the inertia's impedance at a natural frequency, it is made again, exact there,
-    unless that costs `dearest` times the relative error: what is small beside the largest K may be large for a slow
-    motion.
+    With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. What is small
+    beside the largest K may be large for a slow motion, so the fit is made again, unless that costs `dearest` times
+    the relative error: with K(0) = 0 where it damps a motion without stiffness more at rest than the file does at its
+    lowest frequency (a mooring holds such a motion far below the waves), and exact at natural frequencies where it
+    misses more than the share `least` of the inertia's impedance.
     """
     from radiation_ss.fit.radiation import fit_radiation
 
@@ -216,22 +217,43 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
                 fit = min(fit, trial, key=lambda one: one.relative_error or 0.0)
         return fit
 
+    def instead(fit: RadiationFit, points: object, orders: tuple[int | None, ...], note: str) -> RadiationFit:
+        """Return the fit made again with a note, or the one there is where that fails or costs too much."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", InputWarning)  # what it costs elsewhere is weighed here
+                exact = best(points, orders, 0.0)
+        except (InputError, SolverError):
+            return fit
+        if not exact.relative_error <= max(dearest * fit.relative_error, least):
+            return fit
+        said.append(note)
+        return replace(exact, notes=(*exact.notes, *said))
+
+    said = list[str]()
     given = options.pop("points", None)
     fit = best(given, orders, accuracy)
+    if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
+        free, options = fit, {**options, "at_zero": "zero"}
+        fit = instead(free, given, (free.order,), f"K(0) = 0: nothing restores {', '.join(loose)}, and the closest fit "
+                      "damps slow motions there more than the file does")
+        if fit is free:
+            del options["at_zero"]
     missed = missed_swings(data, fit, least)
     if given is not None or not missed:
         return fit
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", InputWarning)  # that the points cost accuracy elsewhere is weighed here
-            exact = best(missed, orders if order is not None else (fit.order, 8), 0.0)
-    except (InputError, SolverError):
-        return fit
-    if not exact.relative_error <= max(dearest * fit.relative_error, least):
-        return fit
     where = ", ".join(f"{omega:.3g}" for omega in missed)
-    return replace(exact, notes=(*exact.notes, f"made exact at the natural frequency, {where} rad/s: the closest fit "
-                                 f"misses more than {least:.0%} of what the motion feels there"))
+    return instead(fit, missed, orders if order is not None else (fit.order, 8),
+                   f"made exact at the natural frequency, {where} rad/s: the closest fit misses more than {least:.0%} "
+                   "of what the motion feels there")
+
+
+def damped_at_rest(data: HydroData, fit: RadiationFit) -> list[str]:
+    """Return the motions without stiffness that a fit damps more at rest than the file does at its lowest frequency."""
+    assert data.C is not None
+    at_rest = np.diag(fit.frequency_response(np.zeros(1))[0].real)
+    return [dof for i, dof in enumerate(data.dofs)
+            if data.C[i, i] == 0.0 and at_rest[i] > max(float(data.B[0, i, i]), 0.0)]
 
 
 def missed_swings(data: HydroData, fit: RadiationFit, least: float) -> list[float]:

@@ -95,7 +95,8 @@ class Model(Shown):
 
         A missing A_inf is estimated; `hydro.notes` then says so, with its uncertainty.
         With `accuracy` (and no order) the order is raised up to 8 until the relative error of the fit is below it. A
-        fit that misses what a motion feels at its natural frequency is made again, exact there; `fit.notes` says so.
+        fit that misses what a motion feels at its natural frequency is made again, exact there, and one that damps a
+        motion without stiffness at rest with K(0) = 0; `fit.notes` says so.
 
         Raises
         ------

@@ -45,6 +45,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with status 2 and one line."""
+        if message.startswith("unrecognized arguments: ") and "arguments: -" not in message:
+            message += " (an option that may be repeated takes one value each time: --withhold A --withhold B)"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray, generator
 from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
@@ -149,8 +149,11 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     known = None if points is None else known_points(model, points, form, rules.point_tolerance)
     grid = _frequencies(model, omega)
     study = Study(model, form, runs, known, points, seed, generator(seed), rules)
-    found = METHODS[method](study)
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
+    try:
+        found = METHODS[method](study)
+    except SolverError as error:
+        raise SolverError("; ".join([str(error), *said])) from None
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
              "direction is taken for the sea" for name in untold]
     if float(model.fit.relative_error or 0.0) > prior:

@@ -193,6 +193,14 @@ def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
     return total
 
 
+def unseen_strengths(problem: EquationError, term: Term) -> set[str]:
+    """Return the strengths that make nothing in any row: of a motion that only ever is at rest beside the others."""
+    names = [name for name, p in term.active.effect.parameters.items() if p.strength]
+    if term.active.effect.per_record or len(names) != term.columns.count:
+        return set()
+    return {name for name, seen in zip(names, seen_in(problem, term.columns)) if not seen > 0.0}
+
+
 def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> frozenset[frozenset[Key]]:
     """Return pairs of linear effects whose columns are the same, as a sensor's gain and that of the force may be.
 

@@ -14,7 +14,15 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, own_force, scales_at
+from radiation_ss.inference.candidates import (
+    Candidate,
+    FittedSet,
+    Key,
+    from_regression,
+    own_force,
+    scales_at,
+    unseen_strengths,
+)
 from radiation_ss.inference.equation import (
     LEFT_OUT,
     radiation_left_out,
@@ -105,8 +113,9 @@ class Trajectories:
         coarse, h = coarse or h, max(0.5 * h, least)
         self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
-        slabs += [None if p.fixed else slab(a.effect, name, scales_at(problem, a.dof, a.other))
-                  for a in (term.active for term in terms) for name, p in a.effect.parameters.items()]
+        slabs += [None if p.fixed or name in unseen else slab(a.effect, name, scales_at(problem, a.dof, a.other))
+                  for a, unseen in ((term.active, unseen_strengths(problem, term)) for term in terms)
+                  for name, p in a.effect.parameters.items()]
         self.free = np.array([k for k, s in enumerate(slabs) if s is not None and s.sd > 0.0], dtype=int)
         self.sd, self.lower, self.upper = (np.array([getattr(slabs[k], bound) for k in self.free], dtype=float)
                                            for bound in ("sd", "lower", "upper"))

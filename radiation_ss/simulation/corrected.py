@@ -249,9 +249,12 @@ def read_corrected(path: str | Path, model: Model) -> Corrected:
         nominal: dict[tuple[str, str], float] = {}
         for row in listed(content["nominal"], "nominal"):
             name, dof, share = text(row["name"], "name"), text(row["dof"], "dof"), number(row["share"], "share")
-            if (name, dof) in nominal or (share != 0.0 and (name, dof) not in known):
-                raise InputError(f"nominal number {name!r} of {dof!r} stands there twice, or the model (degrees of "
-                                 f"freedom {list(model.dofs)}) has none of that name")
+            if (name, dof) in nominal:
+                raise InputError(f"nominal number {name!r} of {dof!r} stands there twice")
+            if share != 0.0 and (name, dof) not in known:
+                raise InputError(f"nominal number {name!r} of {dof!r}: the model (degrees of freedom "
+                                 f"{list(model.dofs)}, radiation of {model.fit.states} states) has none of that name; "
+                                 "it must be the diagnosed one, with the same fit of its radiation")
             nominal[name, dof] = share
         effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
                     "parameters": named_numbers(row.get("parameters", {}), "parameters")}

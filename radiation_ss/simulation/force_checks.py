@@ -190,8 +190,10 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
     return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))
 
 
-def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1) -> Iterator[str]:
+def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1,
+          by_waves: float = 2.5) -> Iterator[str]:
     """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
+    One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit somewhat less than 3.
 
     Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
     stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
@@ -216,7 +218,8 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
         band = band_of(w, force) & (np.abs(made) > far * terms)
         correlation, times = compared(made[band], force[band])
         counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
-        if counts and correlation > alike and not 1.0 / APART < times < APART:
+        apart = APART if inputs[2] is None else by_waves
+        if counts and correlation > alike and not 1.0 / apart < times < apart:
             yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
 
 
@@ -224,7 +227,8 @@ def sentence(record: Record, dof: str, source: str, times: float, where: str = "
     """Word a force that is `times` what the motion needs."""
     unit = "m" if source == "wave_elevation" else force_unit(dof)
     made = "the force that X makes of it" if source == "wave_elevation" else "it"
+    X = f"X ({force_unit(dof)} per metre of wave amplitude), " if source == "wave_elevation" else ""
     kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
     return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
             f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
-            f"the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
+            f"{X}the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
