@@ -33,7 +33,7 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
     drop : sequence of (low, high)
         Leave out the frequencies of these intervals [rad/s], ends included.
     spikes : bool or float
-        Leave out frequencies where A or B leaves its neighbours by more than this share of the curve's largest value
+        Leave out frequencies where A or B is off its neighbours by more than this share of the curve's largest value
         (True: 3 %).
     symmetric : bool
         Replace A, B, A_inf and A_zero by half of themselves and their transpose.

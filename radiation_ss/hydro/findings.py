@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 KINDS = ("irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing",
          "spike", "wave phase", "scale", "negative stiffness", "depth", "Haskind", "coarse band", "short band",
-         "late band", "silent mode")
+         "late band", "non-radiating mode")
 Bands = tuple[tuple[float, float], ...]
 
 

@@ -156,8 +156,8 @@ def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike:
     active = np.flatnonzero(~silent)
     if silent.any():
         names = tuple(data.dofs[i] for i in np.flatnonzero(silent))
-        yield Finding("silent mode", False, 0.0, (), names, f"{', '.join(names)}: damping is numerical noise; left out "
-                      "of these measures")
+        yield Finding("non-radiating mode", False, 0.0, (), names,
+                      f"{', '.join(names)}: damping is numerical noise; left out of these measures")
     if active.size == 0 or w.size < 8:
         return
     share = np.diagonal(tail.share)

@@ -183,7 +183,7 @@ def plot_quality(report: QualityReport) -> Figure:
     drawing, axes = figure(2, 2, size=(8.2, 5.6), share_x=True)
     top, eigen, causal, rough = axes.ravel()
     diagonal = np.einsum("kii->ki", data.B)
-    silent = {dof for f in report.findings if f.kind == "silent mode" for dof in f.dofs}
+    silent = {dof for f in report.findings if f.kind == "non-radiating mode" for dof in f.dofs}
     shown = [i for i, dof in enumerate(data.dofs) if dof not in silent]
     looks = [(colour, line) for line in ("-", "--") for colour in style.COLOURS]
     for i, (colour, line) in zip(shown, looks):
