@@ -135,8 +135,8 @@ def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: F
         most, (k, i, j) = worst(rough[here])
         yield Finding("spike", most > 2.0 * tolerance, most, ((first, last),), pair(data, i, j),
                       f"{named(data, i, j)} is an outlier, off its neighbours by {percent(most)} at "
-                      f"{data.omega[here[k]]:.3g} rad/s, with no harm to Kramers-Kronig: a mode of enclosed water (gap, moonpool), or an "
-                      "irregular frequency of the panels")
+                      f"{data.omega[here[k]]:.3g} rad/s, with no harm to Kramers-Kronig: a mode of "
+                      "enclosed water (gap, moonpool), or an irregular frequency of the panels")
     if not irregular:
         return
     places = np.concatenate(irregular)
