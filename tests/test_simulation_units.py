@@ -244,3 +244,16 @@ def test_a_force_that_x_makes_too_large_names_x(times, told):
                         kind="waves", name="sea")
     said = " ".join(doubts(model, record))
     assert ("check X (N per metre of wave amplitude)" in said) == told
+
+
+def test_a_moored_decay_may_last_where_the_model_does_not_restore():
+    """Surge of a period of 100 s that loses a tenth a swing, with its heave; the model has no mooring."""
+    model = rss.body(dof=("Surge", "Heave"), mass=1e6, added_mass={"Surge": 2e5, "Heave": 8e5},
+                     C={"Surge": 0.0, "Heave": 5e6}, damping_ratio={"Heave": 0.1})
+    t = 0.5 * np.arange(1200)
+    surge = 5.0 * np.exp(-0.1 * t / 100.0) * np.cos(2.0 * np.pi * t / 100.0)
+    record = Record(t, {"Surge": surge, "Heave": 0.01 * surge, "Surge_force": 0.0 * t, "Heave_force": 0.0 * t},
+                    kind="decay")
+    check_decays(model, [record])
+    with pytest.raises(InputError, match="does not die out"):
+        check_decays(model, [Record(t, {"Heave": surge, "Heave_force": 0.0 * t}, kind="decay")])

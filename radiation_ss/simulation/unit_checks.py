@@ -66,10 +66,12 @@ def check_decays(model: Model, records: Sequence[Record], fall: float = 10.0) ->
 
 def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
     """Yield a sentence if no force acts, but the last third moves half as much as the liveliest, though the model's
-    slowest motion falls by `fall` over a third.
+    slowest motion falls by `fall` over a third. Of a motion that the model does not restore nothing is known: a mooring
+    may.
     """
     force = record.get("force", model.dofs)
-    if force is None or np.nansum(np.abs(force)) > 0.0:
+    free = any(model.C[i, i] == 0.0 and signals.columns_of(record, dof) for i, dof in enumerate(model.dofs))
+    if free or force is None or np.nansum(np.abs(force)) > 0.0:
         return
     poles = np.linalg.eigvals(model.matrices()[0])
     slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))
