@@ -170,3 +170,20 @@ def test_a_catenary_of_the_users_own_lines_is_an_effect_to_consider():
     assert "catenary (share" in str(found) and " 1)" not in str(found)
     with pytest.raises(rss.InputError, match="absent and present"):
         rss.diagnose(model, decay(1.2, "a"), effects=[lines], absent="catenary", present="catenary")
+
+
+def test_waves_in_which_a_motion_was_not_read_tell_nothing_of_it():
+    """Surge let go in still water, heave read in waves: no effect of waves on surge has a size."""
+    rng, model = np.random.default_rng(3), rss.body(
+        dof=("Surge", "Heave"), mass=5.0, added_mass={"Surge": 2.0, "Heave": 2.0}, C={"Surge": 20.0, "Heave": 200.0},
+        damping_ratio={"Surge": 0.05, "Heave": 0.05})
+    time = 0.05 * np.arange(1200)
+    frequency = np.sqrt(20.0 / 7.0)
+    surge = 0.1 * np.exp(-0.05 * frequency * time) * np.cos(np.sqrt(1.0 - 0.05**2) * frequency * time)
+    let_go = rss.Record(time, {"Surge": surge + 2e-4 * rng.standard_normal(time.size)}, kind="decay", name="let go")
+    line = np.exp(4j * time)
+    heave = 2.0 * line / (200.0 - 7.0 * 16.0 + 4j * 2.0 * 0.05 * np.sqrt(200.0 * 7.0))
+    read = heave.real + 2e-5 * rng.standard_normal(time.size)
+    waves = rss.Record(time, {"Heave": read, "Heave_force": 2.0 * line.real, "Surge_force": 0.0 * time,
+                              "wave_elevation": 0.01 * line.real}, kind="waves", name="waves")
+    assert rss.diagnose(model, [let_go, waves]).verdict.status == "no_gap"

@@ -151,6 +151,8 @@ def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
 def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> dict[str, Slab] | None:
     """Return the priors of an effect's parameters; None where it makes no force in these records."""
     sizes = scales_at(problem, dof, other)
+    if effect.needs == "waves" and sizes.elevation == 0.0:  # the waves meet other motions only
+        return None
     try:
         return {name: slab(effect, name, sizes) for name, p in effect.parameters.items() if not p.fixed}
     except InputError:
