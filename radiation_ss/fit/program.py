@@ -139,7 +139,7 @@ def solved(solve: Any, **arguments: Any) -> tuple[Any, str]:
         sys.stderr = io.StringIO()  # CasADi warns of what it caught
         try:
             before(number, frame)  # type: ignore[operator, misc]
-        except BaseException as error:
+        except BaseException as error:  # Ctrl-C by whatever exception the handler has: raised again after IPOPT
             caught.append(error)
             raise
 
