@@ -24,23 +24,13 @@ SCHEMA = "radiation_ss.diagnosis/1"
 
 @dataclass(frozen=True)
 class Named:
-    """An effect with its numbers.
-
-    Parameters
-    ----------
-    name, dof : str
-        Of a pair of degrees of freedom "Sway,Roll".
-    parameters : mapping of str to (value, standard deviation)
-    units : mapping of str to str
-    inclusion : float
-        Probability that it is there.
-    """
+    """An effect with its numbers."""
 
     name: str
-    dof: str
-    parameters: Mapping[str, tuple[float, float]]
+    dof: str  # Of a pair of degrees of freedom "Sway,Roll"
+    parameters: Mapping[str, tuple[float, float]]  # Values and standard deviations
     units: Mapping[str, str] = field(default_factory=dict)
-    inclusion: float = 1.0
+    inclusion: float = 1.0  # Probability that it is there
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
@@ -50,29 +40,15 @@ class Named:
 
 @dataclass(frozen=True)
 class Answer:
-    """The verdict.
+    """The verdict."""
 
-    Parameters
-    ----------
-    status : str
-        no_gap, effect, ambiguous or unknown_effect.
-    effects : tuple of Named
-    probability : float
-        That all of `effects` are there; of no_gap that none is.
-    indistinguishable : tuple of tuple of str
-        Sets of names that the records cannot tell apart; beside `effects` where a zero is off, of force or of sensor.
-    not_testable : tuple of str
-        Effects that these records cannot show, whether they are there or not.
-    next_record : str
-        What to measure to tell them apart.
-    """
-
-    status: str
+    status: str  # no_gap, effect, ambiguous or unknown_effect
     effects: tuple[Named, ...]
-    probability: float
+    probability: float  # That all of `effects` are there; of no_gap that none is
+    # Sets of names that the records cannot tell apart; beside `effects` where a zero is off, of force or of sensor
     indistinguishable: tuple[tuple[str, ...], ...]
-    not_testable: tuple[str, ...]
-    next_record: str
+    not_testable: tuple[str, ...]  # Effects that these records cannot show, whether they are there or not
+    next_record: str  # What to measure to tell them apart
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""

@@ -25,27 +25,13 @@ Keys = frozenset[Key]
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """An effect on a place with one start of its shape.
+    """An effect on a place with one start of its shape."""
 
-    Parameters
-    ----------
-    active : Active
-        With strengths 0; a clock's are those about which it is linear.
-    columns : Columns
-        One for each strength; one for each strength and record where every record has its own.
-    shapes : int
-        Number of starts that it was chosen from.
-    start : Active, optional
-        The one that a refined shape comes from: the middle of its prior.
-    volume : float
-        Log prior mass of a refined shape, of that about its start.
-    """
-
-    active: Active
-    columns: Columns
-    shapes: int = 1
-    start: Active | None = None
-    volume: float = 0.0
+    active: Active  # With strengths 0; a clock's are those about which it is linear
+    columns: Columns  # One for each strength; one for each strength and record where every record has its own
+    shapes: int = 1  # Number of starts that it was chosen from
+    start: Active | None = None  # The one that a refined shape comes from: the middle of its prior
+    volume: float = 0.0  # Log prior mass of a refined shape, of that about its start
 
     @property
     def key(self) -> Key:
@@ -61,25 +47,14 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A set of effects, solved.
-
-    Parameters
-    ----------
-    terms : tuple of Term
-    posterior : Posterior
-        Of the base columns, then of the terms' columns; without what has the length of all rows.
-    log_probability : float
-        Log evidence and log prior, without a common constant.
-    learned : bool
-        Whether the sizes are this set's own; at those of another set the probability is a lower bound.
-    point : ndarray, optional
-        Nominal numbers and effects' parameters of the trajectories that fit best, where these have been weighed.
-    """
+    """A set of effects, solved."""
 
     terms: tuple[Term, ...]
-    posterior: Posterior
-    log_probability: float
+    posterior: Posterior  # Of the base columns, then of the terms' columns; without what has the length of all rows
+    log_probability: float  # Log evidence and log prior, without a common constant
+    # Whether the sizes are this set's own; at those of another set the probability is a lower bound
     learned: bool = True
+    # Nominal numbers and effects' parameters of the trajectories that fit best, where these have been weighed
     point: FloatArray | None = None
 
     @property

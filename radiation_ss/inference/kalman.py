@@ -28,14 +28,8 @@ def predict(state: Gaussian, F: FloatArray, Q: FloatArray) -> Gaussian:
 def smooth(filtered: Gaussian, predicted: Gaussian, ahead: Gaussian, F: FloatArray) -> Gaussian:
     """Return the state given all samples, from that of the next sample (Rauch, Tung and Striebel 1965).
 
-    Parameters
-    ----------
-    filtered : Gaussian
-        Given the samples up to this one.
-    predicted, ahead : Gaussian
-        The next one's, given the samples up to this one and given all.
-    F : ndarray, shape (size, size)
-        Transition from this one to the next.
+    `filtered`: given the samples up to this one. `predicted`, `ahead`: the next one's, given the samples up to this one
+    and given all. `F` (size, size): transition from this one to the next.
     """
     # Scaled to a correlation; it can be singular to rounding where states have no noise of their own.
     d = np.sqrt(np.diag(predicted.cov))
@@ -71,20 +65,11 @@ def innovations(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray, P0: 
                 drive: FloatArray, y: FloatArray, settled_at: float) -> tuple[FloatArray, FloatArray]:
     """Return innovations e and their variances s, both (nt, p); a missing sample (NaN) has e = 0, s = 1.
 
-    One channel after the other, so that any of them may be missing. After ten samples with all channels over which
-    the variances change by less than `settled_at` (relative), the gains are frozen until a sample is missing.
-
-    Parameters
-    ----------
-    F, Q, P0 : ndarray, shape (N, N)
-        Transition, noise covariance, covariance at the start about a mean of zero.
-    H : ndarray, shape (p, N)
-    R : ndarray, shape (p,)
-        Measurement variances.
-    drive : ndarray, shape (nt, N)
-        Known input's share of the next state, x_{k+1} = F x_k + drive_k + noise.
-    y : ndarray, shape (nt, p)
-        Less what the known input adds to the outputs directly.
+    One channel after the other, so that any of them may be missing. After ten samples with all channels over which the
+    variances change by less than `settled_at` (relative), the gains are frozen until a sample is missing. `F`, `Q`,
+    `P0` (N, N): transition, noise covariance, covariance at the start about a mean of zero. `H` (p, N). `R` (p,):
+    measurement variances. `drive` (nt, N): known input's share of the next state, x_{k+1} = F x_k + drive_k + noise.
+    `y` (nt, p): less what the known input adds to the outputs directly.
     """
     (nt, p), N = y.shape, F.shape[0]
     e, s = np.zeros((nt, p)), np.ones((nt, p))

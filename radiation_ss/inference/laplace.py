@@ -104,10 +104,7 @@ class Climb:
 def find_peak(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak:
     """Climb to a mode by Gauss-Newton steps (Fisher scoring) with Levenberg's damping, in units of the priors.
 
-    Raises
-    ------
-    SolverError
-        If the likelihood is not finite at the start, or the mode is not reached.
+    SolverError if the likelihood is not finite at the start, or the mode is not reached.
     """
     rules = rules or Climb()
     phi, damping = np.array(start, dtype=float), 0.0
@@ -140,22 +137,9 @@ def sample(target: Target, peaks: Sequence[Peak], rng: np.random.Generator, draw
            least: float) -> tuple[FloatArray, float]:
     """Draw from the Laplace approximations at the modes, mixed by their evidence, within the domain.
 
-    Parameters
-    ----------
-    least : float
-        Least share of draws that meet `target.kept` for the rest to be left out.
-
-    Returns
-    -------
-    draws : ndarray, shape (draws, size)
-        Equally weighted.
-    share : float
-        Posterior probability of `target.kept`, before draws that do not meet it were left out.
-
-    Raises
-    ------
-    SolverError
-        If hardly any draw is in the domain.
+    Return the draws (draws, size), equally weighted, and the posterior probability of `target.kept` before those that
+    do not meet it were left out, which is done where they leave the share `least`. SolverError if hardly any draw is in
+    the domain.
     """
     logs = np.array([peak.evidence for peak in peaks])
     weights = np.exp(logs - logs.max())

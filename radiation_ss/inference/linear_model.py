@@ -17,54 +17,26 @@ from radiation_ss.inference.stored import Beside, Values
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The equation error and what is known of its noise.
+    """The equation error and what is known of its noise."""
 
-    Parameters
-    ----------
-    error : ndarray, shape (N,)
-    noise : ndarray, shape (N,)
-        Variance by the sensors.
-    scale : ndarray, shape (N,)
-        Size of the model's own forces around each row: the unexplained force is a share of it.
-    steady : ndarray, shape (N,)
-        The same over the whole record.
-    group : ndarray of int, shape (N,)
-        Which of the shares applies.
-    sensor : ndarray of int, shape (N,)
-        Which factor of the noise applies.
-    share, ambient : ndarray, shape (groups,)
-        Prior medians of the unexplained force's shares of `scale` and of `steady`.
-    power : ndarray, shape (N,)
-        Power to which the likelihood of each row is taken.
-    weight : ndarray, shape (J,)
-        Weight of each term of the log determinant of the data's Jacobian.
-    fine : ndarray of int, shape (kinds, k)
-        Terms of the Jacobian in one bin: the sensors' noise reaches the error through the same impedance.
-    kind : ndarray of int, shape (N,)
-        Which of these bins a row is in; `kinds` where the impedance does not matter.
-    parts : tuple of slice
-        Rows of one motion in one record each, which few of the unknowns reach; empty: all rows are one part.
-    spectra : int
-        How many of the last groups are an exciting force's that nothing is known of.
-    own : tuple of Own
-        Unknowns that one record has for itself, in every model of the rows.
-    """
-
-    error: FloatArray
-    noise: FloatArray
-    scale: FloatArray
-    steady: FloatArray
-    group: np.ndarray
-    sensor: np.ndarray
+    error: FloatArray  # (N,)
+    noise: FloatArray  # (N,): Variance by the sensors
+    scale: FloatArray  # (N,): Size of the model's own forces around each row: the unexplained force is a share of it
+    steady: FloatArray  # (N,): The same over the whole record
+    group: np.ndarray  # (N,) int: Which of the shares applies
+    sensor: np.ndarray  # (N,) int: Which factor of the noise applies
+    # share, ambient (groups,): Prior medians of the unexplained force's shares of `scale` and of `steady`
     share: FloatArray
     ambient: FloatArray
-    power: FloatArray
-    weight: FloatArray
+    power: FloatArray  # (N,): Power to which the likelihood of each row is taken
+    weight: FloatArray  # (J,): Weight of each term of the log determinant of the data's Jacobian
+    # (kinds, k) int: Terms of the Jacobian in one bin: the sensors' noise reaches the error through the same impedance
     fine: np.ndarray
-    kind: np.ndarray
+    kind: np.ndarray  # (N,) int: Which of these bins a row is in; `kinds` where the impedance does not matter
+    # Rows of one motion in one record each, which few of the unknowns reach; empty: all rows are one part
     parts: tuple[slice, ...] = ()
-    spectra: int = 0
-    own: tuple[Own, ...] = ()
+    spectra: int = 0  # How many of the last groups are an exciting force's that nothing is known of
+    own: tuple[Own, ...] = ()  # Unknowns that one record has for itself, in every model of the rows
 
     @cached_property
     def telling(self) -> np.ndarray:
@@ -88,27 +60,13 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Unknowns that the error is linear in.
+    """Unknowns that the error is linear in."""
 
-    Parameters
-    ----------
-    values : ndarray or Values, shape (N, K)
-        Error for each unit of the unknowns.
-    spread : ndarray, shape (K,)
-        Prior standard deviations; the prior mean is 0.
-    lower : ndarray, shape (K,)
-        What an unknown is at least, by physics: 0 or less; -inf where nothing is known.
-    factor : ndarray of int, shape (K,)
-        Which common factor applies, as in `Own`.
-    relative : sparse array, shape (J, K)
-        Relative change of the data's impedance for each unit.
-    """
-
-    values: FloatArray | Values
-    spread: FloatArray
-    lower: FloatArray
-    factor: np.ndarray
-    relative: csc_array
+    values: FloatArray | Values  # (N, K): Error for each unit of the unknowns
+    spread: FloatArray  # (K,): Prior standard deviations; the prior mean is 0
+    lower: FloatArray  # (K,): What an unknown is at least, by physics: 0 or less; -inf where nothing is known
+    factor: np.ndarray  # (K,) int: Which common factor applies, as in `Own`
+    relative: csc_array  # (J, K): Relative change of the data's impedance for each unit
 
     def __add__(self, other: Columns) -> Columns:
         return joined([self, other])
@@ -157,22 +115,12 @@ class Sizes:
 
 @dataclass(frozen=True)
 class SizePrior:
-    """Standard deviations of the logarithms of the learned sizes.
+    """Standard deviations of the logarithms of the learned sizes."""
 
-    Parameters
-    ----------
-    share, ambient, noise, tolerance, offset, before, coherent : float
-        Of the unexplained shares (with the motion, and steady), of the noise's standard deviation, of the common
-        factors of the tolerances, of the records' own offsets, of the radiation that decays begin with, and of
-        coherent and wandering errors; the last three are at most as large as stated.
-    largest : float
-        What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1.
-    exact : float
-        What the factor of coherent and wandering errors is at least: no law of the library holds more exactly.
-    spectrum : float
-        Of the logarithm of an unknown exciting force's size at one frequency.
-    """
-
+    # share, ambient, noise, tolerance, offset, before, coherent: Of the unexplained shares (with the motion, and
+    # steady), of the noise's standard deviation, of the common factors of the tolerances, of the records' own offsets,
+    # of the radiation that decays begin with, and of coherent and wandering errors; the last three are at most as large
+    # as stated
     share: float = 1.0
     ambient: float = 1.5
     noise: float = 0.7
@@ -180,42 +128,28 @@ class SizePrior:
     offset: float = 1.5
     before: float = 3.0
     coherent: float = 1.5
+    # What the tolerances' common factor is at most: what the user states holds but for this factor; at least it is 1
     largest: float = 3.0
+    # What the factor of coherent and wandering errors is at least: no law of the library holds more exactly
     exact: float = 0.2
-    spectrum: float = 5.0
+    spectrum: float = 5.0  # Of the logarithm of an unknown exciting force's size at one frequency
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Unknowns given the error.
+    """Unknowns given the error."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (K,)
-    covariance : ndarray, shape (K, K)
-    sizes : Sizes
-    log_evidence : float
-    residual : ndarray, shape (N,)
-    variance : ndarray, shape (N,)
-        Of noise and unexplained force together.
-    noise : ndarray, shape (N,)
-        Variance by the sensors alone.
-    own_mean, own_std : ndarray, shape (sum of counts,)
-        Means and standard deviations of what each record has for itself.
-    arrow : Arrow, optional
-        Information on all standardised unknowns.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
+    mean: FloatArray  # (K,)
+    covariance: FloatArray  # (K, K)
     sizes: Sizes
     log_evidence: float
-    residual: FloatArray = field(repr=False)
-    variance: FloatArray = field(repr=False)
-    noise: FloatArray = field(repr=False)
+    residual: FloatArray = field(repr=False)  # (N,)
+    variance: FloatArray = field(repr=False)  # (N,): Of noise and unexplained force together
+    noise: FloatArray = field(repr=False)  # (N,): Variance by the sensors alone
+    # own_mean, own_std (sum of counts,): Means and standard deviations of what each record has for itself
     own_mean: FloatArray = field(repr=False)
     own_std: FloatArray = field(repr=False)
-    arrow: Arrow | None = field(default=None, repr=False)
+    arrow: Arrow | None = field(default=None, repr=False)  # Information on all standardised unknowns
 
     @property
     def std(self) -> FloatArray:

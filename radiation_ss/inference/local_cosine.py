@@ -80,19 +80,11 @@ def bell(u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def blocks(count: int, dt: float, length: float, top: float, edge: float, alike: float = np.inf) -> list[Block]:
     """Return the local cosine basis of a record of `count` samples.
 
-    Parameters
-    ----------
-    dt : float
-        Sampling interval [s].
-    length : float
-        Wanted length of an interval [s]; the record holds a whole number of them, at least one.
-    top : float
-        Highest circular frequency of a test function [rad/s].
-    edge : float
-        Half width of the bell at the record's two ends [s]; between intervals it is a half of their length.
-    alike : float
-        Number of intervals from which they last a whole number of samples and share their test functions: memory does
-        not grow with the record. What is left over, an interval at most, widens the two ends.
+    `dt`: sampling interval [s]. `length`: wanted length of an interval [s]; the record holds a whole number of them, at
+    least one. `top`: highest circular frequency of a test function [rad/s]. `edge`: half width of the bell at the
+    record's two ends [s]; between intervals it is a half of their length. `alike`: number of intervals from which they
+    last a whole number of samples and share their test functions: memory does not grow with the record. What is left
+    over, an interval at most, widens the two ends.
     """
     total = (count - 1) * dt
     edge = min(edge, 0.2 * total)

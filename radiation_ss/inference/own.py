@@ -21,22 +21,14 @@ TOLERANCE, OFFSET, BEFORE, COHERENT = 1, 2, 3, 4  # common factors of spreads, a
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """Unknowns of one record that the error is linear in; they leave the Jacobian of the data as it is.
+    """Unknowns of one record that the error is linear in; they leave the Jacobian of the data as it is."""
 
-    Parameters
-    ----------
-    parts : tuple of (slice, ndarray, ndarray)
-        Rows of one motion, positions of the unknowns that reach them, and their values, shape (rows, positions).
-    spread : ndarray, shape (k,)
-        Prior standard deviations; the prior mean is 0.
-    factor : ndarray of int, shape (k,)
-        Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, `OFFSET` of the offsets,
-        `BEFORE` of what decays began with, or `COHERENT` of errors that go with the motion by no known law.
-    labels : tuple of str
-    """
-
+    # Rows of one motion, positions of the unknowns that reach them, and their
+    # values, shape (rows, positions)
     parts: tuple[tuple[slice, np.ndarray, FloatArray], ...]
-    spread: FloatArray
+    spread: FloatArray  # (k,): Prior standard deviations; the prior mean is 0
+    # (k,) int: Which common factor applies: 0 none, or `TOLERANCE` of the stated tolerances, `OFFSET` of the offsets,
+    # `BEFORE` of what decays began with, or `COHERENT` of errors that go with the motion by no known law
     factor: np.ndarray
     labels: tuple[str, ...] = ()
 
@@ -133,12 +125,7 @@ class Piece:
 class Packed:
     """All unknowns without their zeros, as pieces: the shared ones first, then those of each record.
 
-    Parameters
-    ----------
-    parts : sequence of slice
-        Rows of one motion in one record each.
-    shared : ndarray or Values, shape (N, K)
-    own : sequence of Own
+    `parts`: rows of one motion in one record each. `shared` (N, K).
     """
 
     def __init__(self, parts: Sequence[slice], shared: FloatArray | Values, own: Sequence[Own]) -> None:

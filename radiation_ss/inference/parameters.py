@@ -47,33 +47,22 @@ class ParameterBlock:
 
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Map between theta and K(s), with the prior: mean = the model's own values, normal deviations.
-
-    Parameters
-    ----------
-    dofs : tuple of str
-    A_inf : ndarray, shape (n, n)
-        Taken as known.
-    blocks : tuple of ParameterBlock
-    mean, std : ndarray, shape (d,)
-        Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero).
-    names : tuple of str
-    nominal : tuple of (str, int, float, int)
-        Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"), of which degree of freedom (-1:
-        none of these), its tolerance, and where it stands in u. The number is 1 + tolerance sinh(tail u) / tail times
-        its nominal value: heavier tails than a normal distribution, because a stated tolerance is itself a guess.
-    root : ndarray, shape (d_theta, d_theta), optional
-        Root of the prior covariance of the parameters of theta that may move; independent without it.
-    """
+    """Map between theta and K(s), with the prior: mean = the model's own values, normal deviations."""
 
     dofs: tuple[str, ...]
-    A_inf: FloatArray
+    A_inf: FloatArray  # (n, n): Taken as known
     blocks: tuple[ParameterBlock, ...]
+    # mean, std (d,): Prior of theta; std 0 fixes a parameter (a coefficient that is exactly zero)
     mean: FloatArray
     std: FloatArray
     names: tuple[str, ...]
+    # Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"),
+    # of which degree of freedom (-1: none of these), its tolerance, and where it stands in u. The number is 1 +
+    # tolerance sinh(tail u) / tail times its nominal value: heavier tails than a normal distribution, because a stated
+    # tolerance is itself a guess.
     nominal: tuple[tuple[str, int, float, int], ...] = ()
     tail: float = 0.5
+    # (d_theta, d_theta): Root of the prior covariance of the parameters of theta that may move; independent without it
     root: FloatArray | None = None
 
     @cached_property
@@ -120,12 +109,8 @@ class Parametrisation:
     def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
         """Return the same with inertia, stiffness and sensor gain of each degree of freedom free in their tolerance.
 
-        Parameters
-        ----------
-        tolerance : mapping
-            Relative standard deviations: mass, A_inf, stiffness, sensor.
-        mass : ndarray, shape (n, n)
-            Rigid-body inertia; that of mass and that of A_inf move the same number.
+        `tolerance`: relative standard deviations: mass, A_inf, stiffness, sensor. `mass` (n, n): rigid-body inertia;
+        that of mass and that of A_inf move the same number.
         """
         rows = []
         for j in range(len(self.dofs)):

@@ -17,23 +17,13 @@ Points = Mapping[float, object] | Sequence[float]
 
 @dataclass(frozen=True, eq=False)
 class PointLikelihood:
-    """K(i w_c) P(i w_c) - Q(i w_c) = 0 for each entry, real and imaginary part, with a small relative noise (27).
-
-    Parameters
-    ----------
-    parametrisation : Parametrisation
-    omega : ndarray, shape (m,)
-        Frequencies [rad/s].
-    K : ndarray, shape (m, n, n)
-        Known values.
-    tolerance : float
-        Standard deviation relative to |K|; of an entry that is small beside its diagonal, relative to
-        a hundredth of sqrt(|K_jj K_kk|).
-    """
+    """K(i w_c) P(i w_c) - Q(i w_c) = 0 for each entry, real and imaginary part, with a small relative noise (27)."""
 
     parametrisation: Parametrisation
-    omega: FloatArray
-    K: ComplexArray
+    omega: FloatArray  # (m,): Frequencies [rad/s]
+    K: ComplexArray  # (m, n, n): Known values
+    # Standard deviation relative to |K|; of an entry that is small beside its diagonal, relative to a hundredth of
+    # sqrt(|K_jj K_kk|)
     tolerance: float
     size: int = 0
 
@@ -71,16 +61,9 @@ class PointLikelihood:
 def point_values(model: Model, points: Points) -> tuple[FloatArray, ComplexArray]:
     """Return (omega, K) of the points, shapes (m,) and (m, n, n), ascending.
 
-    Parameters
-    ----------
-    points : mapping of float to array_like (n, n) or scalar, or sequence of float
-        Frequencies [rad/s] with K(iw) = B + i w (A - A_inf) known there; of bare frequencies K is read from the model's
-        hydrodynamic data (interpolated), else from its fit.
-
-    Raises
-    ------
-    InputError
-        If a frequency is not positive or outside the data, or a value has the wrong shape.
+    `points`: frequencies [rad/s] with K(iw) = B + i w (A - A_inf) known there; of bare frequencies K is read from the
+    model's hydrodynamic data (interpolated), else from its fit. InputError if a frequency is not positive or outside
+    the data, or a value has the wrong shape.
     """
     try:
         omega = np.array(sorted(float(w) for w in points))

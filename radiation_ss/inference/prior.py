@@ -16,22 +16,12 @@ from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
     """Return the parametrisation of a fitted subsystem, symmetric in its entries.
 
-    Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at
-    least nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
-
-    Parameters
-    ----------
-    prior : float
-        Relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first order).
-        All coefficients of a block get one relative standard deviation, as large as makes that of its K so.
-    rest : float
-        What the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
-        about zero.
-
-    Raises
-    ------
-    InputError
-        If the fit has no states, makes no force, or is unstable.
+    Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at least
+    nine tenths of the prior's draws are stable; else it is written in sections, stable for positive coefficients.
+    `prior`: relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first
+    order). All coefficients of a block get one relative standard deviation, as large as makes that of its K so. `rest`:
+    what the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
+    about zero. InputError if the fit has no states, makes no force, or is unstable.
     """
     if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
         raise InputError("fit: it has no states, or no force by them, so there is nothing to identify")
@@ -80,15 +70,7 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float,
 
     The error of B_jk is half the sum of the errors of j and k, each a normal process in log omega; A follows by
     causality, because theta gives both. Independent coefficients would let B change sign, and A be off where no B
-    causes it.
-
-    Parameters
-    ----------
-    form : Parametrisation
-        With independent parameters.
-    poles : ndarray
-    prior : float
-        Relative standard deviation of K, as in `parametrise`.
+    causes it. `form`: with independent parameters. `prior`: relative standard deviation of K, as in `parametrise`.
     """
     error = error or SmoothError()
     count = error.count

@@ -110,15 +110,8 @@ class Subsystems:
 def subsystems_of(fit: RadiationFit, entries: Sequence[tuple[str, str]] | None = None) -> Subsystems:
     """Write a fit entry by entry as rational functions, the form whose parameters the filter estimates.
 
-    Parameters
-    ----------
-    entries : sequence of (str, str), optional
-        Pairs of degrees of freedom to keep; all that are not zero by default.
-
-    Raises
-    ------
-    InputError
-        If an entry needs more than 12 states: fit it entry by entry, or with a lower order.
+    `entries`: pairs of degrees of freedom to keep; all that are not zero by default. InputError if an entry needs more
+    than 12 states: fit it entry by entry, or with a lower order.
     """
     wanted = None if entries is None else {tuple(sorted((fit.dofs.index(j), fit.dofs.index(k)))) for j, k in entries}
     scale = _gain(fit)

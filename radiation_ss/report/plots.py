@@ -65,10 +65,7 @@ def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) ->
 def plot_path(fit: RadiationFit) -> Figure:
     """Draw the error of each order that was tried, on fitted and held-out frequencies.
 
-    Raises
-    ------
-    InputError
-        If the order was given and not chosen.
+    InputError if the order was given and not chosen.
     """
     if not fit.path:
         raise InputError("plot_path: the order of this fit was given, not chosen; fit with order=None")
