@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import expm, logm
 from scipy.optimize import linear_sum_assignment
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.result import RadiationFit
@@ -20,6 +20,13 @@ from radiation_ss.hydro.data import RIGID, HydroData, force_unit, mode, motion_u
 from radiation_ss.hydro.measures import inertia_not_symmetric, statically_unstable, unstable_text
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def impedance(model: Model, omega: FloatArray) -> ComplexArray:
+    """Return Z(iw), force over displacement, shape (nw, n, n)."""
+    w = omega[:, None, None]
+    K = model.fit.frequency_response(omega)
+    return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
 
 
 def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -205,47 +212,40 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
     """
     from radiation_ss.fit.radiation import fit_radiation
 
-    orders = (order,) if order is not None else (None, 4, 6, 8)
-
-    def best(points: object, orders: tuple[int | None, ...], enough: float | None) -> RadiationFit:
-        fit = fit_radiation(data, orders[0], points=points, **options)  # type: ignore[arg-type]
+    def best(options: dict[str, object], orders: tuple[int | None, ...], enough: float | None) -> RadiationFit:
+        fit = fit_radiation(data, orders[0], **options)  # type: ignore[arg-type]
         for finer in orders[1:]:
             if enough is None or (fit.relative_error or 0.0) <= enough:
                 break
             if finer is not None and finer > fit.order:
-                trial = fit_radiation(data, finer, points=points, **options)  # type: ignore[arg-type]
+                trial = fit_radiation(data, finer, **options)  # type: ignore[arg-type]
                 fit = min(fit, trial, key=lambda one: one.relative_error or 0.0)
         return fit
 
-    def instead(fit: RadiationFit, points: object, orders: tuple[int | None, ...], note: str) -> RadiationFit:
-        """Return the fit made again with a note, or the one there is where that fails or costs too much."""
+    def ways() -> Iterator[tuple[dict[str, object], tuple[int | None, ...], str]]:
+        """Yield how the fit that there is should be made again: options, orders, a note."""
+        if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
+            yield ({"at_zero": "zero"}, (fit.order,), f"K(0) = 0: nothing restores {', '.join(loose)}, and the closest "
+                   "fit damps slow motions there more than the file does")
+        if options.get("points") is None and (missed := missed_swings(data, fit, least)):
+            where = ", ".join(f"{omega:.3g}" for omega in missed)
+            yield ({"points": missed}, orders if order is not None else (fit.order, 8), "made exact at the natural "
+                   f"frequency, {where} rad/s: the closest fit misses more than {least:.0%} of what the motion feels "
+                   "there")
+
+    orders = (order,) if order is not None else (None, 4, 6, 8)
+    fit, said = best(options, orders, accuracy), list[str]()
+    for changed, finer, note in ways():
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", InputWarning)  # what it costs elsewhere is weighed here
-                exact = best(points, orders, 0.0)
+                exact = best({**options, **changed}, finer, 0.0)
         except (InputError, SolverError):
-            return fit
-        if not exact.relative_error <= max(dearest * fit.relative_error, least):
-            return fit
-        said.append(note)
-        return replace(exact, notes=(*exact.notes, *said))
-
-    said = list[str]()
-    given = options.pop("points", None)
-    fit = best(given, orders, accuracy)
-    if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
-        free, options = fit, {**options, "at_zero": "zero"}
-        fit = instead(free, given, (free.order,), f"K(0) = 0: nothing restores {', '.join(loose)}, and the closest fit "
-                      "damps slow motions there more than the file does")
-        if fit is free:
-            del options["at_zero"]
-    missed = missed_swings(data, fit, least)
-    if given is not None or not missed:
-        return fit
-    where = ", ".join(f"{omega:.3g}" for omega in missed)
-    return instead(fit, missed, orders if order is not None else (fit.order, 8),
-                   f"made exact at the natural frequency, {where} rad/s: the closest fit misses more than {least:.0%} "
-                   "of what the motion feels there")
+            continue
+        if exact.relative_error <= max(dearest * fit.relative_error, least):
+            options, said = {**options, **changed}, [*said, note]
+            fit = replace(exact, notes=(*exact.notes, *said))
+    return fit
 
 
 def damped_at_rest(data: HydroData, fit: RadiationFit) -> list[str]:

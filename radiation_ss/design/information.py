@@ -9,16 +9,17 @@ import numpy as np
 from scipy.linalg import pinvh
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.design.programme import PlannedTest, Simulated, simulated
 from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.inference.candidates import Term, slabs_of, terms_of
-from radiation_ss.inference.effect_features import Symbols, impedance
+from radiation_ss.inference.effect_features import Symbols
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import QUANTITIES
 from radiation_ss.inference.rows import projected
+from radiation_ss.records.columns import QUANTITIES
 
 
 @dataclass(frozen=True, eq=False)

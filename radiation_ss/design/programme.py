@@ -18,7 +18,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.inference.effect_features import Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, Resolution, measured_motion
-from radiation_ss.inference.readings import QUANTITIES
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 from radiation_ss.waves.realise import realise

@@ -15,12 +15,12 @@ from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import noise_of
-from radiation_ss.inference.recorded_force import recorded_noise
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.trajectory_fit import fit_trajectories
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
@@ -28,32 +28,19 @@ from radiation_ss.simulation.prepared import exciting_force
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What a conclusion is drawn from.
+    """What a conclusion is drawn from."""
 
-    Parameters
-    ----------
-    fitted, unseen : tuple of Record
-        Records that the effects were searched in, and records or parts of them that the budget is measured on.
-    tolerated : dict
-    seed : int
-    check : callable, optional
-        Makes the problem of what numbers are fitted to for the budget, which is large; by default all that is fitted.
-    withheld : EquationError, optional
-        Of records that no fit sees.
-    contradiction : float
-        By how much the model's coefficients contradict themselves, of their largest damping.
-    drifts : bool
-        Whether a slow force of unknown course is among the effects to consider.
-    """
-
+    # fitted, unseen: Records that the effects were searched in, and records or parts of them that the budget is
+    # measured on
     fitted: tuple[Record, ...]
     unseen: tuple[Record, ...]
     tolerated: dict[str, float]
     seed: int
+    # Makes the problem of what numbers are fitted to for the budget, which is large; by default all that is fitted
     check: Callable[[], EquationError] | None = None
-    withheld: EquationError | None = None
-    contradiction: float = 0.0
-    drifts: bool = False
+    withheld: EquationError | None = None  # Of records that no fit sees
+    contradiction: float = 0.0  # By how much the model's coefficients contradict themselves, of their largest damping
+    drifts: bool = False  # Whether a slow force of unknown course is among the effects to consider
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +198,7 @@ def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -
         levels.append(np.sqrt(own + shaken(problem.model, run)[error.dof]))
     if not levels:
         return 0.0
-    order = ("displacement", "velocity", "acceleration").index(error.quantity)
+    order = QUANTITIES.index(error.quantity)
     return float(np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
 
 

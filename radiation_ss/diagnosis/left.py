@@ -15,39 +15,29 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import DRIFT, Budget
 from radiation_ss.effects import effect_named
 from radiation_ss.effects.definition import slab
+from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.inference.candidates import Candidate
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
-from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.recorded_force import recorded_noise
 from radiation_ss.inference.rows import Place, force_noise
 from radiation_ss.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """Which motions, shape (n,), the force that is left would move by what matters, and what its slow part is.
+    """Which motions, shape (n,), the force that is left would move by what matters, and what its slow part is."""
 
-    Parameters
-    ----------
-    whole, beside : ndarray of bool, shape (n,)
-        With and without the part that is slow.
-    fast : ndarray of bool, shape (n,)
-        Whether in any record what is not slow has so large a share of the energy that it may not be left beside a name.
-    square : ndarray, shape (n,)
-        Sum of the slow force's mean squares over the records.
-    count : ndarray, shape (n,)
-        Of its unknowns.
-    records : ndarray, shape (n,)
-    """
-
+    # whole, beside (n,): With and without the part that is slow
     whole: np.ndarray
     beside: np.ndarray
+    # (n,): Whether in any record what is not slow has so large a share of the energy that it may not be left beside a
+    # name
     fast: np.ndarray
-    square: FloatArray
-    count: FloatArray
-    records: FloatArray
+    square: FloatArray  # (n,): Sum of the slow force's mean squares over the records
+    count: FloatArray  # (n,): Of its unknowns
+    records: FloatArray  # (n,)
 
 
 def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
@@ -111,20 +101,11 @@ def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """What no effect of the search explains.
+    """What no effect of the search explains."""
 
-    Parameters
-    ----------
-    missed : bool
-        Whether there is a force that matters, in any records, beside those that are slow.
-    drifts : mapping of int to Named
-        The slow force on each motion whose unexplained force is slow in all records.
-    below : mapping of (str, int) to float
-        The frequency below which it is in each record [rad/s].
-    """
-
-    missed: bool
-    drifts: Mapping[int, Named]
+    missed: bool  # Whether there is a force that matters, in any records, beside those that are slow
+    drifts: Mapping[int, Named]  # The slow force on each motion whose unexplained force is slow in all records
+    # By record and motion: the frequency below which it is [rad/s]
     below: Mapping[tuple[str, int], float]
 
 
@@ -165,7 +146,5 @@ def share_left(pair: Fitted, ledger: Budget, fitted: Sequence[Record],
 
 def unit_of(form: str, dof: str, other: str) -> str:
     """Return a parameter's unit in SI for a degree of freedom; none of a share ("1")."""
-    def turns(d: str) -> bool:
-        return d.split("__")[-1] in ("Roll", "Pitch", "Yaw")
-    text = form.replace("F", "N m" if turns(dof) else "N").replace("X", "rad" if turns(dof) else "m")
-    return "" if form == "1" else text.replace("Y", "rad" if turns(other) else "m")
+    text = form.replace("F", force_unit(dof)).replace("X", motion_unit(dof)).replace("Y", motion_unit(other))
+    return "" if form == "1" else text

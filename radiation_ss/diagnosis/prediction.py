@@ -14,29 +14,21 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
-from radiation_ss.simulation.prepared import QUANTITIES
 from radiation_ss.simulation.rollout import reading
 from radiation_ss.simulation.run import run
 
 
 @dataclass(frozen=True, eq=False)
 class Error:
-    """Measured signal and what a model leaves of it, for one degree of freedom of one record.
-
-    Parameters
-    ----------
-    record : str
-    dof : int
-    quantity : str
-        displacement, velocity, acceleration, or force where the motion is prescribed.
-    time, measured, error : ndarray, shape (nk,)
-    """
+    """Measured signal and what a model leaves of it, for one degree of freedom of one record."""
 
     record: str
     dof: int
-    quantity: str
+    quantity: str  # displacement, velocity, acceleration, or force where the motion is prescribed
+    # time, measured, error (nk,)
     time: FloatArray
     measured: FloatArray
     error: FloatArray
@@ -75,12 +67,7 @@ def errors_on(model: Model, actives: Sequence[Active], record: Record,
 
     Of each degree of freedom the displacement counts; a velocity or acceleration only where there is none. Of a
     prescribed motion the force counts. Starts found are kept by the record's identity in `starts`, for the next to be
-    sought near them.
-
-    Raises
-    ------
-    SolverError
-        If the motion grows without bounds.
+    sought near them. SolverError if the motion grows without bounds.
     """
     if record.kind in ("prescribed", "static"):
         return force_errors(model, actives, measured_motion(model, record))
@@ -158,11 +145,7 @@ def without_slow(errors: Sequence[Error], slow: Mapping[tuple[str, int], float])
 class Predictor:
     """Errors of one model with any effects on records: what is predicted is kept, and so are the starts.
 
-    Parameters
-    ----------
-    model : Model
-    largest : int
-        Numbers that are kept at most, 8 bytes each; what was predicted for more is predicted again.
+    `largest`: numbers that are kept at most, 8 bytes each; what was predicted for more is predicted again.
     """
 
     def __init__(self, model: Model, largest: int = 10_000_000) -> None:

@@ -21,10 +21,10 @@ from radiation_ss.filter.estimate import Band, Estimate, StepResult
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members, passivity
 from radiation_ss.filter.paper import PaperEngine
-from radiation_ss.filter.plan import Outcome, SampleBlock, interval_of, longest_step, plan_of, sampled, start_covariance
+from radiation_ss.filter.plan import Outcome, SampleBlock, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
-from radiation_ss.inference.scales import SignalScales, channels, scales_of
+from radiation_ss.inference.scales import SignalScales, channels, interval_of, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
 from radiation_ss.records.record import Record

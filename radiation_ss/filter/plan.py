@@ -15,7 +15,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.settings import ForceModel, natural_frequencies
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.inference.scales import SignalScales
+from radiation_ss.inference.scales import SignalScales, channel_names
 from radiation_ss.inference.subsystems import Subsystems
 
 
@@ -148,18 +148,10 @@ def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel)
     return np.diag(np.r_[radiation, (3.0 * scales.motion) ** 2, (3.0 * speed) ** 2, force.start.ravel()])
 
 
-def interval_of(time: FloatArray) -> float:
-    """Return the usual time between samples [s]: the mean of those within 1 % of their median."""
-    dts = np.diff(time)
-    middle = np.median(dts)
-    return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
-
-
 @cache
 def rows_of(dofs: tuple[str, ...]) -> dict[str, int]:
     """Return the row of each channel's name in a block of samples."""
-    names = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
-    return {name: row for row, name in enumerate(names)}
+    return {name: row for row, name in enumerate(channel_names(dofs))}
 
 
 def sampled(sample: Mapping[str, float], dofs: tuple[str, ...]) -> tuple[float, FloatArray]:

@@ -13,6 +13,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray, generator
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.points import Points, point_values
+from radiation_ss.inference.scales import channel_names
 
 CHOICES = {"preset": (None, "paper"), "learn": ("known-force", "always", "never"), "draws": ("gaussian", "three-point"),
            "analysis": ("stochastic", "square-root"), "order": ("force-first", "motion-first"),
@@ -95,7 +96,7 @@ class FilterSettings:
 
     def check_noise(self, dofs: Sequence[str]) -> None:
         """Refuse noise that is none, or of a channel that there is not: the record's would be taken instead."""
-        channels = [dof + suffix for suffix in ("", "_velocity", "_acceleration", "_force") for dof in dofs]
+        channels = channel_names(dofs)
         for name, level in (self.noise or {}).items():
             if not isinstance(level, int | float | np.integer | np.floating) or not 0.0 < level < np.inf:
                 raise InputError(f"noise of {name}: {level!r}; a standard deviation above 0 is needed")

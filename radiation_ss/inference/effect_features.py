@@ -16,7 +16,6 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
-from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled
 
@@ -35,13 +34,6 @@ class Feature:
     response: ComplexArray
     reading_response: ComplexArray  # (nw, n, n): The same for the readings
     alike: bool = False  # Whether a motion's other sensors are read so, too: by one late clock
-
-
-def impedance(model: Model, omega: FloatArray) -> ComplexArray:
-    """Return Z(iw) from displacement to force, shape (nw, n, n)."""
-    K = frequency_response(model.fit.a, model.fit.b, model.fit.c, omega)
-    w = omega[:, None, None]
-    return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
 
 
 def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
@@ -133,13 +125,7 @@ class Along:
 
 
 class Symbols:
-    """An effect's expressions as CasADi functions of the signals along a motion.
-
-    Parameters
-    ----------
-    model : Model
-    active : Active
-    """
+    """An effect's expressions as CasADi functions of the signals along a motion."""
 
     def __init__(self, model: Model, active: Active) -> None:
         self.model, self.active, effect = model, active, active.effect

@@ -10,10 +10,11 @@ from scipy.interpolate import PchipInterpolator, make_smoothing_spline
 from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
-from radiation_ss.inference.effect_features import Feature, features_of, impedance
+from radiation_ss.inference.effect_features import Feature, features_of
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined, variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -41,13 +42,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
                    discrepancy: Discrepancy | None = None) -> EquationError:
     """Return the regression problem of a model and records, without any effect.
 
-    Parameters
-    ----------
-    model : Model
-    runs : sequence of MeasuredMotion
-    tolerance : mapping of name to float
-        From `effects.nominal.tolerances`.
-    discrepancy : Discrepancy, optional
+    `tolerance`: from `effects.nominal.tolerances`.
     """
     discrepancy = discrepancy or Discrepancy()
     places = tuple(all_places(runs))
@@ -294,16 +289,9 @@ def compliance(model: Model, run: MeasuredMotion, change: ComplexArray | None = 
     """Return the variance of each motion's rows by a unit of variance in each bin of its force, shape (n, bins, bins).
 
     A resonance is narrower than a bin, and seen in the tails of other bins' windows. No peak is narrower than the
-    record is long: what it shows of the response is that with a rate of decay 1/T more.
-
-    Parameters
-    ----------
-    model : Model
-    run : MeasuredMotion
-    change : ndarray, shape (nw, n), optional
-        By how much of itself each motion's impedance is less at `omega_fine`, as the damping of an effect makes it.
-    most : int
-        Frequencies at most.
+    record is long: what it shows of the response is that with a rate of decay 1/T more. `change` (nw, n): by how much
+    of itself each motion's impedance is less at `omega_fine`, as the damping of an effect makes it. `most`: frequencies
+    at most.
     """
     block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
     size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)

@@ -1,4 +1,4 @@
-"""A record as the equation of motion takes it: motion, force and sensors on one uniform grid."""
+"""A record as the equation of motion takes it: motion, force and its noise, and sensors, on one uniform grid."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
@@ -16,6 +17,7 @@ from radiation_ss.inference.readings import (
     Sensor,
     averaged,
     channel,
+    coloured_noise,
     driven_up_to,
     fewest,
     integrated,
@@ -115,10 +117,7 @@ class MeasuredMotion:
 def measured_motion(model: Model, record: Record, resolution: Resolution | None = None) -> MeasuredMotion:
     """Put a record on a uniform grid and find motion, radiation force and noise.
 
-    Raises
-    ------
-    InputError
-        If the record measures none of the model's degrees of freedom, or is too short.
+    InputError if the record measures none of the model's degrees of freedom, or is too short.
     """
     resolution = resolution or Resolution()
     still = record.kind == "static"
@@ -236,3 +235,37 @@ def start_slopes(raw: FloatArray, dt: float, omega: FloatArray) -> FloatArray:
         slopes[i] = w * free[0][1]
         better += count * float(np.log(rest[1].sum() + 1e-300) - np.log(free[1].sum() + 1e-300))
     return slopes if better > 0.0 else np.zeros_like(slopes)
+
+
+def recorded_noise(run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
+    """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
+    if run.force is None or run.prescribed or not np.any(run.force[i]):
+        return np.zeros_like(at)
+    return coloured_noise(run.force[i], run.dt, run.omega[i], at)
+
+
+def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:
+    """Return the noise of a recorded force at a narrow resonance of its motion, by its Fourier components (k, nt).
+
+    Each has one standard deviation. What they move goes on for longer than a block of the rows lasts: the errors that
+    they make of one block and the next are not independent.
+    """
+    omega, time = narrow_resonance(model, run, i), run.time - run.time[0]
+    size = np.sqrt(2.0 / time.size) * recorded_noise(run, i, omega)[:, None]
+    found = np.concatenate([size * wave(omega[:, None] * time) for wave in (np.cos, np.sin)])
+    return np.asarray(found[np.any(found, axis=1)])
+
+
+def narrow_resonance(model: Model, run: MeasuredMotion, i: int, narrow: float = 0.25, wide: float = 2.0) -> FloatArray:
+    """Return the frequencies of a record at a resonance of one motion that rings for longer than a block lasts, (k,).
+
+    `narrow`: rate of decay, in widths of a bin, from which the blocks are taken as independent. `wide`: half the band,
+    in rates of decay or in what the record tells apart.
+    """
+    modes, bins, apart = natural_modes(model), run.basis[0].omega, 2.0 * np.pi / (run.time[-1] - run.time[0])
+    omega, ratio = 2.0 * np.pi / modes.period[i], modes.ratio[i]
+    rate = ratio * omega / np.sqrt(np.maximum(1.0 - ratio**2, 1e-12))
+    if not rate <= narrow * 2.0 * bins[0] or omega > bins[-1]:  # without a resonance the rate is nan
+        return np.zeros(0)
+    at = np.asarray(apart * np.arange(1, int(bins[-1] / apart) + 1), dtype=np.float64)
+    return at[np.abs(at - omega) <= wide * max(rate, apart)]

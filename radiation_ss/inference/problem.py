@@ -10,10 +10,11 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Scales
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.effect_features import Feature, impedance
+from radiation_ss.inference.effect_features import Feature
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -23,84 +24,44 @@ from radiation_ss.simulation.linear import radiation_states
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """Prior sizes of what no effect explains.
+    """Prior sizes of what no effect explains."""
 
-    Parameters
-    ----------
-    unexplained : float
-        Median of the smooth random force in each band that goes with the motion's size, of the gap.
-    ambient : float
-        Median of the one that does not, of the gap.
-    spectrum : float
-        Median of an unknown exciting force at each frequency, of the model's own forces.
-    sensors : float
-        Median of the disagreement of two sensors, of their signal.
-    coherent : float
-        Cubic polynomials of displacement and velocity, of the gap.
-    wandering : float
-        Stiffness and damping that vary slowly, of the gap.
-    offset : float
-        Zero of a sensor, and its drift over a record, of the model's own forces.
-    release : float
-        Force on a body let go in its first period, by the hand, the line or a flow that has yet to begin, of the
-        model's own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5).
-    mixing : float
-        Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it.
-    symmetry : float
-        Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric.
-    by_record : float
-        Error of the force that differs from record to record, in size and phase, of the stated tolerance.
-    saturation : float
-        Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows
-        count by the energy of the motion around them.
-    """
-
+    # Median of the smooth random force in each band that goes with the motion's size, of the gap
     unexplained: float = 0.1
-    ambient: float = 0.02
-    sensors: float = 0.003
-    spectrum: float = 0.3
-    coherent: float = 0.1
-    wandering: float = 0.05
-    offset: float = 0.05
+    ambient: float = 0.02  # Median of the one that does not, of the gap
+    sensors: float = 0.003  # Median of the disagreement of two sensors, of their signal
+    spectrum: float = 0.3  # Median of an unknown exciting force at each frequency, of the model's own forces
+    coherent: float = 0.1  # Cubic polynomials of displacement and velocity, of the gap
+    wandering: float = 0.05  # Stiffness and damping that vary slowly, of the gap
+    offset: float = 0.05  # Zero of a sensor, and its drift over a record, of the model's own forces
+    # Force on a body let go in its first period, by the hand, the line or a flow that has yet to begin, of the model's
+    # own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5)
     release: float = 0.02
+    # Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it
     mixing: float = 0.003
+    # Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric
     symmetry: float = 1e-4
+    # Error of the force that differs from record to record, in size and phase, of the stated tolerance
     by_record: float = 0.5
+    # Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows count
+    # by the energy of the motion around them.
     saturation: float = 300.0
 
 
 @dataclass(frozen=True, eq=False)
 class EquationError:
-    """Rows, the columns that every candidate has, and what makes more columns.
-
-    Parameters
-    ----------
-    model : Model
-    runs : tuple of MeasuredMotion
-    rows : Rows
-    base : Columns
-        Nominal numbers and coherent errors; what one record has for itself is `rows.own`.
-    labels : tuple of str
-        Of the columns of `base`.
-    places : tuple of Place
-    gap : ndarray, shape (n,)
-        Relative size of the nominal model's equation error of each degree of freedom.
-    scales : mapping of dof to Scales
-    discrepancy : Discrepancy
-    ties : sparse array, shape (N, N), or None
-        What each row is with multiples of other motions' rows added: see `tied`.
-    """
+    """Rows, the columns that every candidate has, and what makes more columns."""
 
     model: Model
     runs: tuple[MeasuredMotion, ...]
     rows: Rows
-    base: Columns
-    labels: tuple[str, ...]
+    base: Columns  # Nominal numbers and coherent errors; what one record has for itself is `rows.own`
+    labels: tuple[str, ...]  # Of the columns of `base`
     places: tuple[Place, ...]
-    gap: FloatArray
-    scales: Mapping[str, Scales] = field(default_factory=dict)
+    gap: FloatArray  # (n,): Relative size of the nominal model's equation error of each degree of freedom
+    scales: Mapping[str, Scales] = field(default_factory=dict)  # mapping of dof to Scales
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
-    ties: csr_array | None = None
+    ties: csr_array | None = None  # (N, N): What each row is with multiples of other motions' rows added: see `tied`
 
     def mixed(self, values: FloatArray) -> FloatArray:
         """Return rows of the equation of motion, shape (N, ...), with other motions' rows added."""

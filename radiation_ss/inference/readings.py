@@ -11,12 +11,11 @@ from scipy.signal import welch
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
 from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
-
-QUANTITIES = ("displacement", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,14 @@ def shaped(candidate: Candidate) -> Keys:
 def likely_shapes(problem: EquationError, null: Candidate, terms: Sequence[Term],
                   rules: SearchRules) -> list[Candidate]:
     """Return the sets of the likeliest effects with a shape, in the shape that fits best."""
-    best = promise(problem, null, problem.base, [t for t in terms if t.shapes > 1], rules)
-    likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
     return [fitted_shapes(problem, solve_set(problem, [term], null.posterior.sizes, rules, learned=False), rules)
-            for _, term in likely[: rules.beam]]
+            for term in likely(problem, null, [t for t in terms if t.shapes > 1], rules)]
+
+
+def likely(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: SearchRules) -> list[Term]:
+    """Return the terms of the effects that are likelier there than not, the likeliest first, a beam at most."""
+    best = promise(problem, null, problem.base, terms, rules).values()
+    return [term for odds, term in sorted(best, key=lambda pair: -pair[0])[: rules.beam] if odds > 0.0]
 
 
 def fitted_shapes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str] = (),
@@ -122,9 +126,8 @@ def likely_clocks(problem: EquationError, null: Candidate, terms: Sequence[Term]
                   rules: SearchRules) -> list[Candidate]:
     """Return the sets of the likeliest clocks, exact: to first order a large delay needs many effects beside it."""
     clocks = [t for t in terms if t.clock]
-    best = promise(problem, null, problem.base, [*clocks, *late(problem, terms)], rules)
-    likely = sorted((pair for pair in best.values() if pair[0] > 0.0), key=lambda pair: -pair[0])
-    return [timed(problem, [term], null.posterior.sizes, rules) for _, term in likely[: rules.beam]]
+    return [timed(problem, [term], null.posterior.sizes, rules)
+            for term in likely(problem, null, [*clocks, *late(problem, terms)], rules)]
 
 
 def late(problem: EquationError, terms: Sequence[Term], starts: Sequence[float] = (1.25, 2.5, 3.75)) -> list[Term]:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
-from radiation_ss.inference.effect_features import impedance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import FINE, MeasuredMotion
 
@@ -19,22 +19,12 @@ BANDS = 4  # unexplained force: below, around, at twice and at three times the t
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where the rows of one degree of freedom of one record lie, and what projects signals onto them.
-
-    Parameters
-    ----------
-    record, dof : int
-    order : int
-        -1 for the equation of motion, else the order of a second sensor.
-    bins : int
-        How many of each block's test functions are used.
-    rows : slice
-    """
+    """Where the rows of one degree of freedom of one record lie, and what projects signals onto them."""
 
     record: int
     dof: int
-    order: int
-    bins: int
+    order: int  # -1 for the equation of motion, else the order of a second sensor
+    bins: int  # How many of each block's test functions are used
     rows: slice
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +12,9 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.subsystems import Subsystems
+from radiation_ss.records.columns import QUANTITIES, SUFFIXES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import without_spikes
-
-QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +32,22 @@ class SignalScales:
     bandwidth: FloatArray
 
 
+def channel_names(dofs: Sequence[str]) -> list[str]:
+    """Return the names of all channels in the order of `channels`."""
+    return [dof + suffix for suffix in ("", *SUFFIXES) for dof in dofs]
+
+
+def interval_of(time: FloatArray) -> float:
+    """Return the usual time between samples [s]: the mean of those within 1 % of their median."""
+    dts = np.diff(time)
+    middle = np.median(dts)
+    return float(dts[np.abs(dts - middle) <= 0.01 * middle].mean())
+
+
 def channels(record: Record, dofs: tuple[str, ...]) -> FloatArray:
     """Return the samples of all channels, shape (4 n, nt), NaN where missing; a decay's force is a known zero."""
     rows = []
-    for quantity in QUANTITIES:
+    for quantity in (*QUANTITIES, "force"):
         values = record.get(quantity, dofs)
         if values is None:
             calm = record.kind == "decay" and quantity == "force"
@@ -49,19 +60,11 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
               least: float = 1e-3) -> SignalScales:
     """Estimate the scales of a record.
 
-    Parameters
-    ----------
-    noise : mapping of str to float, optional
-        Known sensor noise by channel name (`Heave`, `Heave_velocity`, ...), in the channel's unit.
-    least : float
-        Least noise of a signal's standard deviation: clocks and filters are no better.
-
-    Raises
-    ------
-    InputError
-        If a degree of freedom has no motion channel, or a channel does not move at all.
+    `noise`: known sensor noise by channel name (`Heave`, `Heave_velocity`, ...), in the channel's unit. `least`: least
+    noise of a signal's standard deviation: clocks and filters are no better. InputError if a degree of freedom has no
+    motion channel, or a channel does not move at all.
     """
-    n, time = model.n, record.time
+    n, time, names = model.n, record.time, channel_names(model.dofs)
     if time.size < 16:
         raise InputError(f"record {record.name}: {time.size} samples; a filter needs at least 16")
     y = np.array([without_spikes(row) for row in channels(record, model.dofs)])
@@ -71,13 +74,12 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
         good = y[c][np.isfinite(y[c])]
         spread[c] = good.std()
         level[c] = max(noise_of(good), least * spread[c])
-        name = model.dofs[c % n] + ("", "_velocity", "_acceleration", "_force")[c // n]
+        name = names[c]
         if noise is not None and name in noise:
             level[c] = noise[name]
         if spread[c] == 0.0 and c < 3 * n:
             raise InputError(f"record {record.name}, channel {name}: constant; a dead sensor? remove the channel")
-    dts = np.diff(time)
-    dt = float(dts[np.abs(dts - np.median(dts)) <= 0.01 * np.median(dts)].mean())
+    dt = interval_of(time)
     # As many whole steps as there are: rounding of the times must not change their number, nor where they begin.
     grid = time[0] + dt * np.arange(round((time[-1] - time[0]) / dt))
     omega: FloatArray = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt).astype(np.float64)

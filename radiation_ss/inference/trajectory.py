@@ -31,8 +31,8 @@ from radiation_ss.inference.equation import (
 )
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.recorded_force import noise_at_resonance
 from radiation_ss.inference.rows import Place
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
@@ -64,28 +64,12 @@ class Trajectories:
 
     Effects with numbers of each record's own (slow forces) act as the equation error found them. The unknowns are
     nominal numbers and effects' parameters, then of each record its start, errors of its readings and of its force.
-
-    Parameters
-    ----------
-    problem : EquationError
-    candidate : Candidate
-    tolerance : mapping of str to float
-    like : Trajectories, optional
-        Of another set, whose weights and errors of readings and forces are taken: sets are compared with the same ones.
-    unexplained : bool
-        Whether forces that no effect explains move the body, too: numbers are those that predict without them.
-    zero : float
-        Prior standard deviation of a sensor's zero, of the motion's.
-    rough : float
-        Derivatives are taken in the longest steps that leave this share of the motion: their error shifts the numbers
-        by about as small a share of their own standard deviations, at a cost that falls with the number of steps.
-    most : int
-        Steps in all records up to which effects shorten them.
-
-    Raises
-    ------
-    InputError
-        If effects set in so sharply that more steps are needed.
+    `like`: of another set, whose weights and errors of readings and forces are taken: sets are compared with the same
+    ones. `unexplained`: whether forces that no effect explains move the body, too: numbers are those that predict
+    without them. `zero`: prior standard deviation of a sensor's zero, of the motion's. `rough`: derivatives are taken
+    in the longest steps that leave this share of the motion: their error shifts the numbers by about as small a share
+    of their own standard deviations, at a cost that falls with the number of steps. `most`: steps in all records up to
+    which effects shorten them. InputError if effects set in so sharply that more steps are needed.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
@@ -286,10 +270,7 @@ class Trajectories:
     def near(self, q: FloatArray, known: Normal) -> Normal:
         """Return the normal equations with the derivatives of another point: the cost (the prior's among it) is exact.
 
-        Raises
-        ------
-        SolverError
-            If the motion grows without bounds.
+        SolverError if the motion grows without bounds.
         """
         return self._normal(q, self.errors(q), known.parts, known.information)
 

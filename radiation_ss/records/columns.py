@@ -19,6 +19,7 @@ from radiation_ss.units import in_si, is_unit, plain_unit, understood
 _HEADER = re.compile(r"^(?P<name>[^\[\](),]+?)\s*(?:\[(?P<a>[^\[\]]+)\]|\((?P<b>[^()]+)\)|,(?P<c>[^\[\],]+))$")
 RATES = {"": "", "_velocity": "/s", "_acceleration": "/s^2"}  # suffix of a motion by its order, and of its unit
 SUFFIXES = ("_velocity", "_acceleration", "_force")
+QUANTITIES = ("displacement", "velocity", "acceleration")  # by the order of the derivative
 # What may stand behind a degree of freedom, and the suffix that it means; the last three of rotations only
 _QUANTITIES = {"displacement": "", "velocity": "_velocity", "vel": "_velocity", "acceleration": "_acceleration",
                "acc": "_acceleration", "force": "_force", "angle": "", "rate": "_velocity", "moment": "_force"}

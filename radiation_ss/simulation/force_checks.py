@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records.record import Record
@@ -138,13 +139,6 @@ def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, Comp
     omega, waves = spectrum_of(record, elevation)
     X = on_all(model.hydro.omega, force_of_waves(model, record), omega).T
     return omega, X * waves, X.conj() * waves
-
-
-def impedance(model: Model, omega: FloatArray) -> ComplexArray:
-    """Return force over displacement, shape (nw, n, n), of e^(i w t)."""
-    w = omega[:, None, None]
-    memory = model.fit.frequency_response(omega)
-    return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (memory + model.D))
 
 
 def _turn(model: Model, record: Record, have: tuple[int, str], i: int, receptance: ComplexArray,

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
-from radiation_ss.simulation.force_checks import APART, forces, impedance
+from radiation_ss.simulation.force_checks import APART, forces
 from radiation_ss.units import FORCE
 
 

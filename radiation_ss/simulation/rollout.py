@@ -23,9 +23,10 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import SolverError
 from radiation_ss.hydro.measures import statically_unstable, unstable_text
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations, sensed
-from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, half_steps
+from radiation_ss.simulation.prepared import Channel, Prepared, half_steps
 
 Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
 

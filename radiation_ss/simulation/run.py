@@ -16,11 +16,12 @@ from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.methods import accepting
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.convert import as_record_or_force
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
 from radiation_ss.simulation.driven import equilibrium
-from radiation_ss.simulation.prepared import QUANTITIES, Channel, Prepared, prepare
+from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.start import fitted_start, step_size
 

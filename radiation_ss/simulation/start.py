@@ -16,11 +16,12 @@ from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import SolverError
 from radiation_ss.fit.rational import frequency_response
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import middle, spectrum_of
 from radiation_ss.simulation.equations import MotionEquations
 from radiation_ss.simulation.measured import mean_frequency, pace, power_of
-from radiation_ss.simulation.prepared import QUANTITIES, Prepared, known_in_waves, wave_force
+from radiation_ss.simulation.prepared import Prepared, known_in_waves, wave_force
 from radiation_ss.simulation.rollout import Rollout, reading
 
 
