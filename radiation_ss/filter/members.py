@@ -192,16 +192,12 @@ def gaussian_members(parts: Subsystems, prior_std: FloatArray, size: int, rng: n
 def damping_slopes(parts: Subsystems, theta: FloatArray, omega: FloatArray,
                    scale: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least eigenvalue of Re K(iw) / scale, (nw,), and its derivative by theta, (nw, n_theta)."""
-    K = parts.K(theta, omega)
-    real = K.real / scale
+    real = parts.K(theta, omega).real / scale
     values, vectors = np.linalg.eigh(0.5 * (real + real.swapaxes(-1, -2)))
     v, slopes = vectors[..., 0], np.zeros((omega.size, theta.size))
-    for (j, k), offset, order in zip(parts.entries, parts.offsets, parts.orders):
-        powers = (1j * omega[:, None]) ** np.arange(order)
-        P = powers @ theta[offset:offset + order] + (1j * omega) ** order
-        both = np.hstack([-K[:, j, k, None] * powers, powers]) / P[:, None]
+    for which, (j, k), dK in parts.form.slopes(theta, omega):
         weight = (1.0 if j == k else 2.0) * v[:, j] * v[:, k] / scale[j, k]
-        slopes[:, offset:offset + 2 * order] = weight[:, None] * both.real
+        slopes[:, which] = (weight * dK.real).T
     return values[:, 0], slopes
 
 

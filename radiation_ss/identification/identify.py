@@ -20,7 +20,7 @@ from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import Identification, assemble
 from radiation_ss.identification.study import Findings, ForceEstimate, Settings, Study, left_out, settings_of
 from radiation_ss.inference.laplace import find_peak, sample
-from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
+from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.inference.prior import parametrise, relative_spread
 from radiation_ss.inference.subsystems import subsystems_of
@@ -38,14 +38,12 @@ if TYPE_CHECKING:
 def entrywise(model: Model, prior: float) -> Parametrisation:
     """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
     parts = subsystems_of(model.fit)
-    blocks = tuple(ParameterBlock(((j, k),), order, "polynomial", 0, start, (0,))
-                   for (j, k), order, start in zip(parts.entries, parts.orders, parts.offsets))
     std = np.abs(parts.theta)
-    for block, poles in zip(blocks, parts.poles(parts.theta)):
+    for block, poles in zip(parts.form.blocks, parts.poles(parts.theta)):
         own = slice(block.start, block.start + 2 * block.order)
         alone = replace(block, start=0, entries=((0, 0),))
         std[own] *= prior / relative_spread(alone, parts.theta[own], std[own], poles)
-    return Parametrisation(model.dofs, np.array(model.A_inf), blocks, parts.theta, std, parts.names)
+    return replace(parts.form, A_inf=np.array(model.A_inf), std=std)
 
 
 def by_dual_filter(study: Study) -> Findings:

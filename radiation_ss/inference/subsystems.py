@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 
 MAX_ORDER = 12
 
@@ -54,6 +56,14 @@ class Subsystems:
                 state += order
         return np.array(rows, dtype=np.int64).reshape(-1, 5)
 
+    @cached_property
+    def form(self) -> Parametrisation:
+        """The map between theta and K, each entry with poles of its own; deviations are the values themselves."""
+        blocks = tuple(ParameterBlock((entry,), order, "polynomial", 0, start, (0,))
+                       for entry, order, start in zip(self.entries, self.orders, self.offsets))
+        A_inf = np.zeros((self.n, self.n))
+        return Parametrisation(self.dofs, A_inf, blocks, self.theta, np.abs(self.theta), self.names)
+
     @property
     def states(self) -> int:
         """Number of radiation states."""
@@ -61,14 +71,7 @@ class Subsystems:
 
     def K(self, theta: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Return K(iw) for parameter vectors of shape (..., n_theta): shape (..., nw, n, n) (23)."""
-        values, s = np.asarray(theta, dtype=float), 1j * np.atleast_1d(np.asarray(omega, dtype=float))
-        K = np.zeros((*values.shape[:-1], s.size, self.n, self.n), dtype=complex)
-        for (j, k), offset, order in zip(self.entries, self.offsets, self.orders):
-            powers = s ** np.arange(order)[:, None]
-            a, b = values[..., offset:offset + order], values[..., offset + order:offset + 2 * order]
-            K[..., j, k] = (b @ powers) / (a @ powers + s**order)
-            K[..., k, j] = K[..., j, k]
-        return K
+        return self.form.K(np.asarray(theta, dtype=float), omega)
 
     def poles(self, theta: ArrayLike) -> list[ComplexArray]:
         """Return the poles of each entry for parameter vectors of shape (..., n_theta), each shape (..., order)."""
@@ -82,7 +85,7 @@ class Subsystems:
 
     def stable(self, theta: ArrayLike) -> np.ndarray:
         """Return whether every pole lies in the left half plane, shape (...)."""
-        return np.all([p.real.max(axis=-1) < 0.0 for p in self.poles(theta)], axis=0)
+        return self.form.stable(np.asarray(theta, dtype=float))
 
     def damping(self, theta: ArrayLike, omega: ArrayLike, scale: FloatArray | None = None) -> FloatArray:
         """Return the least eigenvalue of Re K(iw) at the given frequencies, shape (..., nw).
