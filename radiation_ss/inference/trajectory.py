@@ -4,41 +4,24 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
-from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import (
-    Candidate,
-    FittedSet,
-    Key,
-    from_regression,
-    own_force,
-    scales_at,
-    unseen_strengths,
-)
-from radiation_ss.inference.equation import (
-    LEFT_OUT,
-    radiation_left_out,
-    unexplained_forces,
-    weights_of_motion,
-)
+from radiation_ss.errors import SolverError
+from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, scales_at, unseen_strengths
+from radiation_ss.inference.equation import weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
-from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
-from radiation_ss.simulation.linear import exact_step, propagate
-from radiation_ss.simulation.prepared import Channel, Prepared, prepare
+from radiation_ss.inference.simulated import SimulatedRecords, begun
+from radiation_ss.simulation.prepared import Prepared
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
-from radiation_ss.simulation.run import alike
-from radiation_ss.simulation.start import start_of, step_size
+from radiation_ss.simulation.start import start_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +67,9 @@ class Trajectories:
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
         self.actives = (*first.nominal, *effects)
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
-        halvings = max((a.effect.halvings for a in effects), default=0)
-        h, least = (step_size(problem.model, [problem.runs[r].record for r in self.records], actives) / 2**halvings
-                    for actives in ((), effects))
         self.base = vector_of(self.actives)
-        coarse, duration = 0.0, sum(float(np.ptp(problem.runs[r].time)) for r in self.records)
-        while h > 2.0 * least and not self._followed(h, 1e-3):
-            if duration / h > most:
-                raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
-            coarse = coarse or h * self._followed(h, rough)
-            h *= 0.5
-        coarse, h = coarse or h, max(0.5 * h, least)
+        simulated = SimulatedRecords(problem, candidate, self.actives, self.records)
+        h, coarse = simulated.steps(effects, rough, most)
         self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed or name in unseen else slab(a.effect, name, scales_at(problem, a.dof, a.other))
@@ -106,7 +81,7 @@ class Trajectories:
         strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
         self.strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         self.mean = self._middle(candidate)
-        self.prepared = [self._prepared(r, h) for r in self.records]
+        self.prepared = [simulated.prepared(r, h) for r in self.records]
         self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
             p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
         self.starts = [start_of(problem.model, p, self.rollout.ns) for p in self.prepared]
@@ -114,16 +89,14 @@ class Trajectories:
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
         self.added: list[list[FloatArray]] = like.added if like else [
-            self._errors(r, p, zero, unexplained) for r, p in zip(self.records, self.prepared)]
+            self._errors(r, p, zero, simulated.moved(r, unexplained)) for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
         self.size = int(self.offsets[-1])
-        self.tolerated = np.zeros(self.size, dtype=bool)  # the unknowns whose prior is a tolerance
-        self.tolerated[: np.count_nonzero(self.free < len(own))] = True
-        for end in self.offsets[1:]:
-            self.tolerated[end - self.forces.size:end] = True
+        # The unknowns whose prior is a tolerance
+        self.tolerated = np.concatenate([self.free < len(own), *(np.arange(k) >= k - self.forces.size for k in counts)])
         columns = joined([problem.base, *(term.columns for term in candidate.terms)])
         self.weights: dict[Place, FloatArray] = (
             like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
@@ -174,43 +147,11 @@ class Trajectories:
 
     def of_effects(self) -> dict[Key, np.ndarray]:
         """Return the positions of each effect's parameters among the unknowns."""
-        ends = np.cumsum([0, *(len(a.effect.parameters) for a in self.actives)])
+        ends = self.rollout.offsets
         return {(a.name, a.dof, a.other): np.flatnonzero((i <= self.free) & (self.free < j))
                 for a, i, j in list(zip(self.actives, ends[:-1], ends[1:]))[len(self.first.nominal):]}
 
-    def _followed(self, h: float, share: float) -> bool:
-        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
-        paths = []
-        for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
-            path = []
-            for r in self.records:
-                prepared = self._prepared(r, rollout.h)
-                drive, state = rollout.drive(prepared, self.base), self._begun(rollout, r)
-                try:
-                    path.append(rollout.run(state, drive, prepared.grid, self.base, acceleration=False))
-                except SolverError:
-                    return False
-            paths.append(path)
-        return all(alike(coarse, fine, self.problem.model, share) for coarse, fine in zip(*paths))
-
-    def _begun(self, rollout: Rollout, r: int) -> FloatArray:
-        """Return the state in which a record begins by its measured motion."""
-        m, n, run = self.problem.model.fit.states, self.problem.model.n, self.problem.runs[r]
-        state = np.zeros(rollout.ns)
-        state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
-        return state
-
-    def _prepared(self, r: int, h: float) -> Prepared:
-        run, slow = self.problem.runs[r], own_force(self.problem, self.candidate, r)
-        channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
-                         for i in np.flatnonzero(run.free))
-        found = replace(prepare(self.problem.model, run.record, h), channels=channels)
-        if found.force is None or not slow.any():
-            return found
-        both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
-        return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
-
-    def _errors(self, r: int, prepared: Prepared, zero: float, unexplained: bool) -> list[FloatArray]:
+    def _errors(self, r: int, prepared: Prepared, zero: float, moved: FloatArray) -> list[FloatArray]:
         """Return what errors of readings and forces add to each channel's rows, one standard deviation each.
 
         Zeros, slow motions that a sensor cannot tell, and the motion by the forces that no effect explains.
@@ -219,23 +160,8 @@ class Trajectories:
         run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
         flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
         zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
-        series = np.concatenate([zeros, run.lost[:, channels], self._moved(r, unexplained)[:, channels]])
+        series = np.concatenate([zeros, run.lost[:, channels], moved[:, channels]])
         return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
-
-    def _moved(self, r: int, unexplained: bool) -> FloatArray:
-        """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
-        problem, run = self.problem, self.problem.runs[r]
-        (F, G), n = problem.model.matrices(), problem.model.n
-        step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
-        forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
-                  for values in (unexplained_forces(problem, run, int(i), self.candidate.posterior.sizes)
-                                 if unexplained else [])]
-        forces += [np.where(np.arange(n) == i, values[:, None], 0.0) for i in np.flatnonzero(run.free)
-                   for values in noise_at_resonance(problem.model, run, int(i))]
-        if LEFT_OUT in problem.labels:
-            forces.append(radiation_left_out(problem.model, run).force.T)
-        moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]
-        return np.array(moved).reshape(-1, n, run.time.size)
 
     def parameters(self, q: FloatArray) -> FloatArray:
         """Return all parameters in their own units."""
@@ -248,7 +174,7 @@ class Trajectories:
         p = self.base if vector is None else vector
         q = np.r_[(p[self.free] - self.mean) / self.sd, np.zeros(self.size - self.free.size)]
         for k, (r, basis) in enumerate(zip(self.records, self.starts)):
-            state = self._begun(self.rollout, r)
+            state = begun(self.problem, self.rollout, r)
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
         return self.inside(q)
 
@@ -358,10 +284,9 @@ class Trajectories:
         """Return the numbers at a point."""
         p, std = self.parameters(q), np.zeros(self.base.size)
         std[self.free] = self.sd * np.sqrt(np.diag(covariance)[: self.free.size])
-        ends = np.cumsum([0] + [len(a.effect.parameters) for a in self.actives])
-        actives = [a.with_values(p[i:j].tolist()) for a, i, j in zip(self.actives, ends[:-1], ends[1:])]
-        spreads = [tuple(std[i:j].tolist()) for i, j in pairwise(ends)]
+        parts, spreads = (np.split(x, self.rollout.offsets[1:-1]) for x in (p, std))
+        actives = [a.with_values(x.tolist()) for a, x in zip(self.actives, parts)]
         own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
         for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
-            effects[k], stds[k] = active, own_std
-        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(s[0] for s in spreads[:own]), tuple(stds))
+            effects[k], stds[k] = active, tuple(own_std.tolist())
+        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(float(s[0]) for s in spreads[:own]), tuple(stds))

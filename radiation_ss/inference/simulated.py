@@ -1,0 +1,100 @@
+"""Records made ready for a simulation with a set of effects: its steps, its forces, and the forces that it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.effects.definition import Active, vector_of
+from radiation_ss.errors import InputError, SolverError
+from radiation_ss.inference.candidates import Candidate, own_force
+from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
+from radiation_ss.inference.motion import noise_at_resonance
+from radiation_ss.inference.problem import EquationError
+from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.prepared import Channel, Prepared, prepare
+from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.run import alike
+from radiation_ss.simulation.start import step_size
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRecords:
+    """Some records as effects make them move; those with numbers of each record's own act as the regression has them.
+
+    `actives`: all that is simulated, with the model's own numbers. `records`: positions.
+    """
+
+    problem: EquationError
+    candidate: Candidate
+    actives: Sequence[Active]
+    records: Sequence[int]
+
+    def steps(self, effects: Sequence[Active], rough: float, most: int) -> tuple[float, float]:
+        """Return the integrator's steps [s], short enough to follow the effects, and the longest for derivatives.
+
+        See `Trajectories`. InputError if the effects set in so sharply that more than `most` steps are needed.
+        """
+        runs = [self.problem.runs[r] for r in self.records]
+        halvings = max((a.effect.halvings for a in effects), default=0)
+        h, least = (step_size(self.problem.model, [run.record for run in runs], actives) / 2**halvings
+                    for actives in ((), effects))
+        coarse, duration = 0.0, sum(float(np.ptp(run.time)) for run in runs)
+        while h > 2.0 * least and not self.followed(h, 1e-3):
+            if duration / h > most:
+                raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
+            coarse = coarse or h * self.followed(h, rough)
+            h *= 0.5
+        return max(0.5 * h, least), coarse or h
+
+    def followed(self, h: float, share: float) -> bool:
+        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
+        paths, p = [], vector_of(self.actives)
+        for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
+            path = []
+            for r in self.records:
+                prepared = self.prepared(r, rollout.h)
+                drive, state = rollout.drive(prepared, p), begun(self.problem, rollout, r)
+                try:
+                    path.append(rollout.run(state, drive, prepared.grid, p, acceleration=False))
+                except SolverError:
+                    return False
+            paths.append(path)
+        return all(alike(coarse, fine, self.problem.model, share) for coarse, fine in zip(*paths))
+
+    def prepared(self, r: int, h: float) -> Prepared:
+        """Return a record for steps of h [s]: its readings, and its force with that of effects of its own numbers."""
+        run, slow = self.problem.runs[r], own_force(self.problem, self.candidate, r)
+        channels = tuple(Channel(int(i), "displacement", run.time, run.raw[i], under_way=run.record.kind != "decay")
+                         for i in np.flatnonzero(run.free))
+        found = replace(prepare(self.problem.model, run.record, h), channels=channels)
+        if found.force is None or not slow.any():
+            return found
+        both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
+        return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
+
+    def moved(self, r: int, unexplained: bool) -> FloatArray:
+        """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
+        problem, run = self.problem, self.problem.runs[r]
+        (F, G), n, sizes = problem.model.matrices(), problem.model.n, self.candidate.posterior.sizes
+        step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
+        free = [int(i) for i in np.flatnonzero(run.free)]
+        acting = [(i, values) for i in free if unexplained for values in unexplained_forces(problem, run, i, sizes)]
+        acting += [(i, values) for i in free for values in noise_at_resonance(problem.model, run, i)]
+        forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i, values in acting]
+        if LEFT_OUT in problem.labels:
+            forces.append(radiation_left_out(problem.model, run).force.T)
+        moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]
+        return np.array(moved).reshape(-1, n, run.time.size)
+
+
+def begun(problem: EquationError, rollout: Rollout, r: int) -> FloatArray:
+    """Return the state in which a record begins by its measured motion."""
+    m, n, run = problem.model.fit.states, problem.model.n, problem.runs[r]
+    state = np.zeros(rollout.ns)
+    state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
+    return state
