@@ -11,8 +11,8 @@ from plant_bodies import tank_model
 from scipy.signal import lsim
 
 import radiation_ss as rss
-from radiation_ss.effects import activate, effect_named, fractional, tolerances
-from radiation_ss.inference import equation_error, features, joined, measured_motion, terms_of
+from radiation_ss.effects import Parameter, activate, effect_named, fractional, tolerances
+from radiation_ss.inference import equation_error, features, joined, measured_motion, terms_of, unseen_strengths
 
 
 @pytest.mark.parametrize("frequency", [8.0, 40.0, 160.0])
@@ -109,3 +109,27 @@ def test_a_temporary_folder_without_room_is_named():
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, handler)
 
+
+
+@pytest.mark.parametrize("turning", [0.0, 1.0])
+def test_unseen_are_the_strengths_whose_force_is_zero_along_the_motion(turning):
+    """Springs on the whole body, force -k G x; the pitch rests where nothing pushes it."""
+    rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = rss.Model(("Heave", "Pitch"), np.diag([2.0, 3.0]), np.zeros((2, 2)), np.diag([18.0, 75.0]), rigid,
+                      np.diag([0.6, 0.9]))
+    time, rng = np.arange(0.0, 60.0, 0.05), np.random.default_rng(2)
+    push = np.stack([size * np.convolve(rng.normal(size=1200), np.hanning(20), "same") for size in (1.0, turning)])
+    x = rss.simulate(model, (time, push)).outputs[:2]
+    record = rss.Record(time, {"Heave": x[0], "Pitch": x[1], "Heave_force": push[0], "Pitch_force": push[1]},
+                        kind="forced")
+    springs = {"own": [[1.0, 0.0], [0.0, 0.0]], "turn": [[0.0, 0.0], [0.0, 1.0]], "lift": [[0.0, 1.0], [0.0, 0.0]]}
+
+    def force(s, p):
+        return [-sum(getattr(p, name) * G[i][j] * s.all[j].x for name, G in springs.items() for j in range(2))
+                for i in range(2)]
+
+    effect = rss.Effect("springs", {name: Parameter("F/X", slab=lambda s: 1.0) for name in springs}, force,
+                        scope="body", family="stiffness", linear=True)
+    problem = equation_error(model, [measured_motion(model, record)], tolerances(0.02))
+    term, = terms_of(problem, [effect])
+    assert unseen_strengths(problem, term) == {name for name, G in springs.items() if not np.any(np.array(G) @ x)}

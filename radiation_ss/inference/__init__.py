@@ -4,7 +4,7 @@ from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
     "effect_features": "features",
-    "candidates": "terms_of",
+    "candidates": "terms_of unseen_strengths",
     "equation": "compliance equation_error",
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
