@@ -22,9 +22,7 @@ from radiation_ss.effects import Effect, effect_named, library, optional
 from radiation_ss.effects.nominal import tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.candidates import (
-    terms_of,
-)
+from radiation_ss.inference.candidates import terms_of
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted

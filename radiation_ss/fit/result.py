@@ -15,12 +15,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.choices import Suspect, Trial
-from radiation_ss.fit.rational import (
-    frequency_response,
-    impulse_response,
-    minimal,
-    to_polynomials,
-)
+from radiation_ss.fit.rational import frequency_response, impulse_response, minimal, to_polynomials
 from radiation_ss.hydro.data import HydroData, signal
 from radiation_ss.methods import Shown, later
 

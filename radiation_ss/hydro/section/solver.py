@@ -165,27 +165,16 @@ def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
 
 @dataclass(frozen=True, eq=False)
 class SectionChecks:
-    """Physical relations that the solution does not use, largest violation over the frequencies.
+    """Physical relations that the solution does not use, largest violation over the frequencies."""
 
-    Parameters
-    ----------
-    energy : dict
-        By mode: damping from pressures against damping from radiated waves (35), of the largest damping.
-    haskind : dict
-        By mode: exciting force from diffraction against the one from the radiation problem (Haskind), of the largest.
-    damping_from_force : dict
-        By mode: B against |X|^2 / (2 rho g c_g), of the largest damping.
-    symmetry : float
-        Largest |A24 - A42 - i (B24 - B42) / omega|, of A22 times the largest distance of the contour from the origin.
-    wave_energy : float
-        | |R|^2 + |T|^2 - 1 | of the reflected and transmitted wave.
-    """
-
+    # By mode: damping from pressures against damping from radiated waves (35), of the largest damping
     energy: dict[str, float]
+    # By mode: exciting force from diffraction against the one from the radiation problem (Haskind), of the largest
     haskind: dict[str, float]
-    damping_from_force: dict[str, float]
+    damping_from_force: dict[str, float]  # By mode: B against |X|^2 / (2 rho g c_g), of the largest damping
+    # Largest |A24 - A42 - i (B24 - B42) / omega|, of A22 times the largest distance of the contour from the origin
     symmetry: float
-    wave_energy: float
+    wave_energy: float  # Distance of |R|^2 + |T|^2, the reflected and the transmitted wave, from 1
 
     @property
     def failed(self) -> bool:
