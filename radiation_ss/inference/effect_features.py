@@ -46,17 +46,20 @@ def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
 
 
 def features_of(model: Model, active: Active, runs: Sequence[MeasuredMotion],
-                symbols: Symbols | None = None) -> Iterator[list[Feature]]:
-    """Yield the features of each strength record by record: along long records all of them together are large."""
+                symbols: Symbols | None = None, responses: bool = True) -> Iterator[list[Feature]]:
+    """Yield the features of each strength record by record: along long records all of them together are large.
+
+    Without `responses` these have no frequencies.
+    """
     symbols = symbols or Symbols(model, active)
     strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
-    return (along(symbols, active, strengths, run) for run in runs)
+    return (along(symbols, active, strengths, run, run.omega_fine if responses else np.zeros(0)) for run in runs)
 
 
-def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion) -> list[Feature]:
-    """Return the features of one record."""
+def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion,
+          omega: FloatArray) -> list[Feature]:
+    """Return the features of one record, their responses at some frequencies."""
     effect, n, nt = active.effect, symbols.model.n, run.time.size
-    omega = run.omega_fine
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
     if not run.free[symbols.places].any() or (run.record.kind == "static" and not effect.settled):
@@ -195,6 +198,9 @@ class Symbols:
             by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
+        if omega.size == 0:
+            (value,) = self.mapped(("force alone", strength), lambda: wanted()[:1], rows, z, values)
+            return value.column_zero(), np.zeros((0, len(self.targets), self.model.n), dtype=complex)
         value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
         response = self.following(slope, omega)
         if effect.states:

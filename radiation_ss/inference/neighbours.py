@@ -110,7 +110,7 @@ def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Ter
         k = terms[some[0]].columns.count
         slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
         cross = np.zeros((q.size, len(some) * k))
-        made = [features_of(model, terms[i].active, runs, symbols[terms[i].key]) for i in some]
+        made = [features_of(model, terms[i].active, runs, symbols[terms[i].key], responses=False) for i in some]
         for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)

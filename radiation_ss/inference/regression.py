@@ -210,16 +210,15 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         by_group = multiplied(rows, columns, found)
         return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 4)])
 
-    def solved(x: FloatArray) -> Posterior:
-        # From the best so far: past where the impedance is zero lies another solution, which a long step may meet.
-        found = solve(climbed, columns, Sizes.of(x, groups), start=highest[-1][1] if highest else None, layout=layout,
-                      stretch=stretch)
+    def solved(x: FloatArray, near: Posterior | None) -> Posterior:
+        found = solve(climbed, columns, Sizes.of(x, groups), start=near, layout=layout, stretch=stretch)
         more = float(np.sum((rows.weight - climbed.weight)[rows.telling] * logs_of(rows, columns, found)))
         return replace(found, log_evidence=found.log_evidence + more)
 
     def negative(y: FloatArray) -> tuple[float, FloatArray]:
         x = unit * y
-        found = solved(x)
+        # From the best so far: past where the impedance is zero lies another solution, which a long step may meet.
+        found = solved(x, highest[-1][1] if highest else first)
         off = (x - centre - scaled(found)) / width
         slope = size_gradient(rows, columns, found, layout, stretch) - off / width
         value = found.log_evidence - 0.5 * float(np.sum(off**2))
@@ -230,14 +229,15 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:-1]), (np.log(prior.exact), 0.0)
     climbed, stretch = rows, np.ones(1)
-    climbed, stretch = in_proportion(rows, columns, solved(start.vector), nuisances)
+    first = solved(start.vector, None)
+    climbed, stretch = in_proportion(rows, columns, first, nuisances)
     if steps:
         minimize(negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
                  options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
-    reached = highest[-1][1] if steps else solved(start.vector)
+    reached = highest[-1][1] if steps else solved(start.vector, first)
     x = reached.sizes.vector
     climbed, stretch = in_proportion(rows, columns, reached, nuisances)
-    found = solved(x)
+    found = solved(x, reached)
     value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(found, columns)
     return replace(found, log_evidence=float(value), arrow=None)
 
