@@ -48,6 +48,7 @@ LATER = {
     "TestPlan.plot": "report.plan_plot:plot_plan",
     "TestPlan.save": "report.plan_plot:save",
     "Diagnosis.plot": "report.diagnosis_page:overview",
+    "Diagnosis.sentence": "report.diagnosis_page:sentence",
     "Diagnosis.save": "report.diagnosis_page:save",
 }
 

@@ -5,6 +5,5 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "conclusion": "contradiction unit_of",
     "prediction": "Error",
-    "result": "alternatives",
     "shares": "budget Row shapley",
 })

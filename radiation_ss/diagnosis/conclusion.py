@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -94,8 +95,9 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     worth = min(1.0 - max(rules.false_alarm, np.sqrt(left) if beside.missed else left, data.contradiction),
                 1.0 / (1.0 + ledger.against))
     outside = rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters
-    sets = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
-    sets = [(*told, *(label(problem.model, e.name, e.dof) for e in slow)) for told in sets]
+    chances = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
+    chances = {(*told, *(label(problem.model, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
+    sets, rivals = [*chances], tuple(told for told, p in chances.items() if p >= 1.0 - rules.credible)
     doubtful = within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
@@ -110,9 +112,13 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     elif outside:
         some = chance if named else 1.0 - within(found, frozenset())
         status, cap, named = "unknown_effect", 1.0 - min(some, worth), []
+    elif len(rivals) > 1 and surprising(pair, data.tolerated, problem, rules) and shrinks(ledger, rules):
+        # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
+        status, cap, named, sets = "ambiguous", found.probabilities()[0], [], [*rivals]
     else:
         status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
-    told = {"ambiguous": tuple(sets), "effect": with_zeros(problem.model, named, off_zero(found, pair, closed, rules))}
+    zero = with_zeros(problem.model, named, off_zero(found, pair, closed, rules))
+    told = {"ambiguous": tuple(sets), "effect": zero or (rivals if len(rivals) > 1 else ())}
     return Answer(status, tuple(named), float(cap), told.get(status, ()), untold, next_record(kinds, forced, status))
 
 
@@ -206,19 +212,28 @@ def too_small(best: Candidate, kept: Candidate) -> Keys:
     return small | {(other, dof, "") for name, dof, _ in small if name in alike for other in alike}
 
 
-def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> list[tuple[str, ...]]:
-    """Return sets of names, the most probable first, that hold most of the probability; `small` effects untold."""
-    sets: list[tuple[str, ...]] = []
-    total = 0.0
+def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> dict[tuple[str, ...], float]:
+    """Return sets of names with their probability, the first one's candidate the most probable; `small` effects untold.
+
+    They hold a share of the probability, as far as so many do.
+    """
+    chances: dict[tuple[str, ...], float] = {}
     for candidate, p in zip(found.candidates, found.probabilities()):
         labels = tuple(sorted(label(found.problem.model, a, f"{b},{c}" if c else b)
                               for a, b, c in candidate.keys - small))
-        if labels not in sets:
-            sets.append(labels)
-        total += p
-        if total > share or len(sets) == most:
-            break
-    return sets
+        chances[labels] = chances.get(labels, 0.0) + float(p)
+    order = list(chances)
+    order[1:] = sorted(order[1:], key=lambda labels: -chances[labels])
+    needed = 1 + int(np.searchsorted(np.cumsum([chances[labels] for labels in order]), share))
+    return {labels: chances[labels] for labels in order[:min(needed, most)]}
+
+
+def surprising(pair: Fitted, tolerated: dict[str, float], problem: EquationError, rules: Rules) -> bool:
+    """Whether a nominal number is further off than one of so many is by chance if the stated tolerances hold."""
+    own = simulated_numbers(problem.model, tolerated, force=problem.forced)
+    least = float(norm.isf(0.5 * (1.0 - rules.credible) / len(own)))
+    return any(abs(first(a)) - rules.confirmed * s > 0.0 and abs(first(a)) >= least * o.spread
+               for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
 
 
 def choices(problem: EquationError, found: Found, most: int = 12) -> tuple[Choice, ...]:

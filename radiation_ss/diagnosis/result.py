@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from radiation_ss.diagnosis.prediction import Error
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import DRIFT, Budget
+from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.diagnosis.where import Where
 from radiation_ss.methods import Shown, later
-from radiation_ss.page import with_error
 from radiation_ss.simulation.corrected import Corrected
 
 if TYPE_CHECKING:
@@ -24,13 +23,23 @@ SCHEMA = "radiation_ss.diagnosis/1"
 
 @dataclass(frozen=True)
 class Named:
-    """An effect with its numbers."""
+    """An effect with its numbers.
+
+    Parameters
+    ----------
+    name, dof : str
+        Of a pair of degrees of freedom "Sway,Roll".
+    parameters : mapping of str to (value, standard deviation)
+    units : mapping of str to str
+    inclusion : float
+        Probability that it is there.
+    """
 
     name: str
-    dof: str  # Of a pair of degrees of freedom "Sway,Roll"
-    parameters: Mapping[str, tuple[float, float]]  # Values and standard deviations
+    dof: str
+    parameters: Mapping[str, tuple[float, float]]
     units: Mapping[str, str] = field(default_factory=dict)
-    inclusion: float = 1.0  # Probability that it is there
+    inclusion: float = 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
@@ -40,15 +49,30 @@ class Named:
 
 @dataclass(frozen=True)
 class Answer:
-    """The verdict."""
+    """The verdict.
 
-    status: str  # no_gap, effect, ambiguous or unknown_effect
+    Parameters
+    ----------
+    status : str
+        no_gap, effect, ambiguous or unknown_effect.
+    effects : tuple of Named
+    probability : float
+        That all of `effects` are there; of no_gap that none is.
+    indistinguishable : tuple of tuple of str
+        Sets of names that the records cannot tell apart. Beside `effects`: what else is not improbable, the named set
+        among it; or the named set with each of the zeros, of force or of sensor, that may be off.
+    not_testable : tuple of str
+        Effects that these records cannot show, whether they are there or not.
+    next_record : str
+        What to measure to tell them apart.
+    """
+
+    status: str
     effects: tuple[Named, ...]
-    probability: float  # That all of `effects` are there; of no_gap that none is
-    # Sets of names that the records cannot tell apart; beside `effects` where a zero is off, of force or of sensor
+    probability: float
     indistinguishable: tuple[tuple[str, ...], ...]
-    not_testable: tuple[str, ...]  # Effects that these records cannot show, whether they are there or not
-    next_record: str  # What to measure to tell them apart
+    not_testable: tuple[str, ...]
+    next_record: str
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
@@ -164,7 +188,7 @@ class Diagnosis(Shown):
     @property
     def sentence(self) -> str:
         """The verdict in one sentence."""
-        return sentence(self)
+        return str(later(self, "sentence"))
 
     def __str__(self) -> str:
         return self.sentence
@@ -211,68 +235,3 @@ class Diagnosis(Shown):
         >>> result.save("gap")
         """
         later(self, "save", folder)
-
-
-def described(effect: Named) -> str:
-    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
-    numbers = ", ".join(f"{name} {with_error(value, std, effect.units.get(name, ''))}"
-                        for name, (value, std) in effect.parameters.items() if std > 0.0)
-    where = f" on {effect.dof}" if effect.dof else ""
-    return f"{effect.name}{where}" + (f" ({numbers})" if numbers else "")
-
-
-def within_tolerance(found: Diagnosis) -> str:
-    """Return what is said where there is no gap."""
-    h = found.how_far
-    if not found.budget.unseen:
-        return "No gap that these records show; no force is known, so that no motion can be predicted"
-    if h.gap_before < 1.5 * h.gap_after:
-        least = min(h.gap_before, h.gap_after)
-        noise = f"; noise of the records makes {h.noise_floor:.1%}" if h.noise_floor > 0.5 * least else ""
-        return f"No gap beyond noise and tolerances: the model predicts unseen data to {least:.1%} of the motion{noise}"
-    return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
-            f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
-
-
-def sentence(found: Diagnosis) -> str:
-    """Return the verdict in one sentence, with what the recalibration exceeds."""
-    v, h = found.verdict, found.how_far
-    names = " and ".join(described(e) for e in v.effects)
-    noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
-    shrunk = (f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
-              if found.budget.unseen else "no force is known, so that nothing predicts unseen data")
-    if v.status == "no_gap":
-        told = within_tolerance(found)
-    elif v.status == "effect":
-        told = f"{names}, probability {v.probability:.2f}; {shrunk}"
-        if any(e.name == DRIFT for e in v.effects):
-            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
-                     "each record and is explained, not predicted")
-        if v.indistinguishable:
-            zeros = (" and ".join(names[len(v.effects):]) for names in v.indistinguishable)
-            told += f"; beside it a zero is off: {' or '.join(zeros)}"
-    elif v.status == "ambiguous" and not v.indistinguishable:
-        told = ("These records tell no cause: the force is not known and the motion is held, or slow against the "
-                "natural periods, so any restoring and any force explain each other. They show where the body rests "
-                "and how far each motion goes with the others; a decay, held until its release or not, needs "
-                f"`# kind: decay`; else measure {v.next_record}")
-    elif v.status == "ambiguous":
-        told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
-    else:
-        told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
-    far = [r for r in found.recalibrated if r.beyond > 2.0 and abs(r.value) > 2.0 * r.std]
-    if far:
-        most = max(far, key=lambda r: r.beyond)
-        told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
-                 f"{most.beyond:.1f} times its tolerance")
-    return told + "."
-
-
-def alternatives(sets: Sequence[Sequence[str]]) -> str:
-    """Return what all sets have, and what these records do not tell apart."""
-    common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
-    rest = [" + ".join(label for label in s if label not in common) for s in sets]
-    if not common:
-        return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
-    return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
-            + " or ".join(r or "nothing more" for r in rest))

@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.diagnosis.prediction import energy
-from radiation_ss.diagnosis.result import described
+from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.page import Page, Part, Picture, Points, Table, Text, Verdict, number, with_error
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from radiation_ss.diagnosis.result import Diagnosis
+    from radiation_ss.diagnosis.result import Diagnosis, Named, Recalibrated
 
 TONE = {"no_gap": "good", "effect": "good", "ambiguous": "warn", "unknown_effect": "bad"}
 
@@ -197,3 +197,87 @@ def ledger(found: Diagnosis) -> Figure:
              xlim=(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9)))
     axis.invert_yaxis()
     return figure
+
+
+def described(effect: Named) -> str:
+    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
+    numbers = ", ".join(f"{name} {with_error(value, std, effect.units.get(name, ''))}"
+                        for name, (value, std) in effect.parameters.items() if std > 0.0)
+    where = f" on {effect.dof}" if effect.dof else ""
+    return f"{effect.name}{where}" + (f" ({numbers})" if numbers else "")
+
+
+def far_off(found: Diagnosis, times: float = 2.0) -> list[Recalibrated]:
+    """Return the nominal numbers that are off by more than some tolerances and standard deviations."""
+    return [r for r in found.recalibrated if r.beyond > times and abs(r.value) > times * r.std]
+
+
+def within_tolerance(found: Diagnosis) -> str:
+    """Return what is said where there is no gap."""
+    h = found.how_far
+    if not found.budget.unseen:
+        return "No gap that these records show; no force is known, so that no motion can be predicted"
+    if h.gap_before < 1.5 * h.gap_after:
+        least = min(h.gap_before, h.gap_after)
+        noise = f"; noise of the records makes {h.noise_floor:.1%}" if h.noise_floor > 0.5 * least else ""
+        return f"No gap beyond noise and tolerances: the model predicts unseen data to {least:.1%} of the motion{noise}"
+    if far_off(found):
+        return ("The model's own numbers account for the gap: recalibrated it predicts unseen data to "
+                f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
+    return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
+            f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
+
+
+def sentence(found: Diagnosis) -> str:
+    """Return the verdict in one sentence, with what the recalibration exceeds."""
+    v, h = found.verdict, found.how_far
+    names = " and ".join(described(e) for e in v.effects)
+    noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
+    shrunk = (f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
+              if found.budget.unseen else "no force is known, so that nothing predicts unseen data")
+    if v.status == "no_gap":
+        told = within_tolerance(found)
+    elif v.status == "effect":
+        told = f"{names}, probability {v.probability:.2f}; {shrunk}"
+        if any(e.name == DRIFT for e in v.effects):
+            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
+                     "each record and is explained, not predicted")
+        if v.indistinguishable:
+            told += f"; {also(found)}"
+    elif v.status == "ambiguous" and not v.indistinguishable:
+        told = ("These records tell no cause: the force is not known and the motion is held, or slow against the "
+                "natural periods, so any restoring and any force explain each other. They show where the body rests "
+                "and how far each motion goes with the others; a decay, held until its release or not, needs "
+                f"`# kind: decay`; else measure {v.next_record}")
+    elif v.status == "ambiguous":
+        told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
+    else:
+        told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
+    if far := far_off(found):
+        most = max(far, key=lambda r: r.beyond)
+        told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
+                 f"{most.beyond:.1f} times its tolerance")
+    return told + "."
+
+
+def also(found: Diagnosis) -> str:
+    """Return what is said of the sets beside the named one: a zero that is off, or less probable effects."""
+    named = {f"{e.name} on {e.dof}" if e.dof and len(found.dofs) > 1 else e.name for e in found.verdict.effects}
+    sets = found.verdict.indistinguishable
+    others = [s for s in sets if set(s) != named]
+    more = [" + ".join(label for label in s if label not in named) for s in others]
+    if len(others) == len(sets):
+        return f"beside it a zero is off: {' or '.join(more)}"
+    told = (f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
+            for s, rest in zip(others, more))
+    return f"less probable: {' or '.join(told)}"
+
+
+def alternatives(sets: Sequence[Sequence[str]]) -> str:
+    """Return what all sets have, and what these records do not tell apart."""
+    common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
+    rest = [" + ".join(label for label in s if label not in common) for s in sets]
+    if not common:
+        return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
+    return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
+            + " or ".join(r or "nothing more" for r in rest))
