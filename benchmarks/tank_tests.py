@@ -179,7 +179,8 @@ def line(name: str, found: rss.Diagnosis, seconds: float) -> str:
         f"{n} {v:.4g} ± {2 * s:.1g} {e.units.get(n, '')}" for n, (v, s) in e.parameters.items())
         for e in found.verdict.effects)
     alike = found.verdict.indistinguishable
-    sets = " + ".join(alike[0]) + f" or {len(alike) - 1} more" * (len(alike) > 1) if alike else ""
+    more = f" or {len(alike) - 1} more" * (len(alike) > 1)
+    sets = f"{' + '.join(alike[0]) or 'recalibration alone'}{more}" if alike else ""
     far = found.how_far
     return (f"| {name} | {found.verdict.status} ({found.verdict.probability:.2f}) | {names or sets or '-'} | "
             f"{far.gap_before:.1%} to {far.gap_after:.1%} | {seconds:.0f} s |")

@@ -107,3 +107,20 @@ def test_a_model_with_too_much_damping_is_told_by_how_much(ratio):
     assert [effect.name for effect in found.verdict.effects] == ["linear_damping"]
     value, std = found.verdict.effects[0].parameters["coefficient"]
     assert abs(value - (body.D - model.D)[0, 0]) < 3.0 * std < 0.3 * abs(value)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("times", [3.0, -3.0])
+def test_a_number_off_by_three_tolerances_is_told_and_by_one_of_them_is_no_gap(times, seed):
+    """The closed form of a decay whose frequency is not the model's: inertia or stiffness, by a number or an effect."""
+    model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    rate, omega = 0.5 * model.D[0, 0] / 2.0, 2.0 * (1.0 - 0.5 * times * 0.02)
+    waves = np.exp(-rate * TIME) * (np.cos(omega * TIME) + rate / omega * np.sin(omega * TIME))
+    rng = np.random.default_rng(seed)
+    moved = {start: start * waves + 2e-4 * rng.normal(size=TIME.size) for start in (0.1, -0.07, 0.05)}
+    records = [rss.Record(TIME, {"Heave": x}, kind="decay", name=f"from {start}") for start, x in moved.items()]
+    stated, wide = (rss.diagnose(model, records[:2], withhold=records[2], tolerance=t) for t in (0.02, 0.06))
+    told = {label for labels in stated.verdict.indistinguishable for label in labels}
+    assert stated.verdict.status in ("ambiguous", "effect")
+    assert (told | {e.name for e in stated.verdict.effects}) & {"added_inertia", "linear_stiffness"}
+    assert wide.verdict.status == "no_gap" and wide.how_far.gap_after < 0.1 * wide.how_far.gap_before

@@ -112,7 +112,8 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
     elif outside:
         some = chance if named else 1.0 - within(found, frozenset())
         status, cap, named = "unknown_effect", 1.0 - min(some, worth), []
-    elif len(rivals) > 1 and surprising(pair, data.tolerated, problem, rules) and shrinks(ledger, rules):
+    elif (len(rivals) > 1 and surprising(pair, data.tolerated, problem, rules)
+          and ledger.before**2 - ledger.after**2 >= rules.matters**2):
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
         status, cap, named, sets = "ambiguous", found.probabilities()[0], [], [*rivals]
     else:
