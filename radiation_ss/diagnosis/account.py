@@ -71,9 +71,8 @@ def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], toler
 
 
 def farthest(own: Sequence[OwnNumber], pair: Fitted) -> float:
-    """Return by how many learned tolerances the nominal number is off that is off most."""
-    scale = float(np.exp(pair.candidate.posterior.sizes.tolerance))
-    return max((abs(first(a)) / (o.spread * scale) for o, a in zip(own, pair.best.nominal)), default=0.0)
+    """Return by how many stated tolerances the nominal number is off that is off most."""
+    return max((abs(first(a)) / o.spread for o, a in zip(own, pair.best.nominal)), default=0.0)
 
 
 def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:

@@ -27,7 +27,8 @@ class Rules:
     unexplained : float
         Share of the gap that may be left unexplained beside a name.
     plausible : float
-        Learned tolerances by which a nominal number may be off, beside a name or where recalibration is the answer.
+        Stated tolerances by which a nominal number may be off beside a name: two standard deviations where they are
+        three times too small.
     visible : float
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
@@ -45,7 +46,7 @@ class Rules:
     matters: float = 0.01
     false_alarm: float = 0.02
     unexplained: float = 0.5
-    plausible: float = 4.0
+    plausible: float = 6.0
     visible: float = 0.5
     tail: float = 1.0 / 3.0
     credible: float = 0.95

@@ -11,6 +11,7 @@ import numpy as np
 
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
+from radiation_ss.diagnosis.conclusion import zeros
 from radiation_ss.diagnosis.prediction import energy
 from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.errors import InputError
@@ -251,6 +252,9 @@ def sentence(found: Diagnosis) -> str:
                 f"`# kind: decay`; else measure {v.next_record}")
     elif v.status == "ambiguous":
         told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
+    elif any(r.beyond > found.rules.plausible for r in found.recalibrated):
+        told = ("A gap that no effect explains unless the model's own numbers are far beyond their tolerances: with "
+                f"them {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}")
     else:
         told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
     if far := far_off(found):
@@ -263,14 +267,13 @@ def sentence(found: Diagnosis) -> str:
 def also(found: Diagnosis) -> str:
     """Return what is said of the sets beside the named one: a zero that is off, or less probable effects."""
     named = {f"{e.name} on {e.dof}" if e.dof and len(found.dofs) > 1 else e.name for e in found.verdict.effects}
-    sets = found.verdict.indistinguishable
-    others = [s for s in sets if set(s) != named]
+    others = [s for s in found.verdict.indistinguishable if set(s) != named]
     more = [" + ".join(label for label in s if label not in named) for s in others]
-    if len(others) == len(sets):
+    if all(label.partition(" on ")[0] in zeros() for label in more):
         return f"beside it a zero is off: {' or '.join(more)}"
     told = (f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
             for s, rest in zip(others, more))
-    return f"less probable: {' or '.join(told)}"
+    return f"less sure: {' or '.join(told)}"
 
 
 def alternatives(sets: Sequence[Sequence[str]]) -> str:
