@@ -31,6 +31,8 @@ def test_zeros_that_are_off_hide_no_damping_and_get_no_name(seed):
                for k, start in enumerate([(0.1, 0.05), (-0.08, 0.06), (0.05, -0.1)])]
     found = rss.diagnose(MODEL, records)
     assert {(effect.name, effect.dof) for effect in found.verdict.effects} == {("linear_damping", d) for d in DOFS}
+    bands = np.array(found.where.bands)  # of both motions and all records: side by side, and the shares of one gap
+    assert np.all(bands[1:, 0] >= bands[:-1, 1]) and bands[:, 2].sum() == pytest.approx(1.0)
     for dof in DOFS:  # which of the two is off matters to no name, and both are listed
         listed = {e.name for choice in found.which for e in choice.effects if e.dof == dof}
         assert {"constant_force", "sensor_bias"} <= listed

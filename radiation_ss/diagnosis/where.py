@@ -33,7 +33,8 @@ def where(problem: EquationError, effects: list[str]) -> Where:
     """Say where the nominal model's equation error is."""
     dofs = dict.fromkeys(problem.model.dofs, 0.0)
     records: dict[str, float] = {}
-    bands: dict[tuple[float, float], float] = {}
+    edges = octaves(problem)
+    bands = np.zeros(edges.size - 1)
     for place in problem.places:
         if place.order >= 0:
             continue
@@ -45,17 +46,21 @@ def where(problem: EquationError, effects: list[str]) -> Where:
         share = float(excess.sum() / max(own, 1e-300))
         dofs[problem.model.dofs[place.dof]] += share
         omega = np.concatenate([b.omega[: place.bins] for b in run.basis])
-        for k in range(4):
-            low, high = (k - 0.5) * run.omega[place.dof], (k + 0.5) * run.omega[place.dof]
-            key = (round(max(low, 0.0), 3), round(high, 3))
-            mine = (omega >= low) & (omega < high)
-            bands[key] = bands.get(key, 0.0) + share * float(excess[mine].sum() / max(excess.sum(), 1e-300))
-    total, wide = max(sum(dofs.values()), 1e-300), max(sum(bands.values()), 1e-300)
+        bands += share * np.histogram(omega, edges, weights=excess)[0] / max(excess.sum(), 1e-300)
+    total, wide = max(sum(dofs.values()), 1e-300), max(float(bands.sum()), 1e-300)
     phase = in_phase(problem, max(dofs, key=lambda d: dofs[d]))
     nonlinear = any(name.startswith(("quadratic", "cubic", "coulomb", "slack", "hysteresis", "bouc", "morison", "slam"))
                     for name in effects)
-    return Where(records, {d: v / total for d, v in dofs.items()},
-                 tuple((a, b, v / wide) for (a, b), v in sorted(bands.items()) if v > 0.0), phase, nonlinear)
+    told = tuple((float(a), float(b), float(v)) for a, b, v in zip(edges[:-1], edges[1:], bands / wide) if v > 0.0)
+    return Where(records, {d: v / total for d, v in dofs.items()}, told, phase, nonlinear)
+
+
+def octaves(problem: EquationError) -> FloatArray:
+    """Return edges of the frequency bands of all records [rad/s]: octaves about the slowest motion's frequency."""
+    slowest = min(scale.omega for scale in problem.scales.values())
+    top = max(float(block.omega[-1]) for run in problem.runs for block in run.basis)
+    count = max(int(np.ceil(np.log2(top / slowest) + 0.5)), 0) + 1
+    return np.concatenate([[0.0], slowest * 2.0 ** (np.arange(count) - 0.5)])
 
 
 def in_phase(problem: EquationError, dof: str) -> str:
