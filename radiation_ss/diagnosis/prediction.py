@@ -23,12 +23,20 @@ from radiation_ss.simulation.run import run
 
 @dataclass(frozen=True, eq=False)
 class Error:
-    """Measured signal and what a model leaves of it, for one degree of freedom of one record."""
+    """Measured signal and what a model leaves of it, for one degree of freedom of one record.
+
+    Parameters
+    ----------
+    record : str
+    dof : int
+    quantity : str
+        displacement, velocity, acceleration, or force where the motion is prescribed.
+    time, measured, error : ndarray, shape (nk,)
+    """
 
     record: str
     dof: int
-    quantity: str  # displacement, velocity, acceleration, or force where the motion is prescribed
-    # time, measured, error (nk,)
+    quantity: str
     time: FloatArray
     measured: FloatArray
     error: FloatArray

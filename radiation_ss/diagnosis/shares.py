@@ -20,14 +20,26 @@ DRIFT = "slow_drift"
 
 @dataclass(frozen=True)
 class Row:
-    """One cause."""
+    """One cause.
 
-    cause: str  # "recalibration", an effect's name, "offset" (the mean error of each record), "unexplained" or "noise"
+    Parameters
+    ----------
+    cause : str
+        "recalibration", an effect's name, "offset" (the mean error of each record), "unexplained" or "noise".
+    dof : str
+    share : float
+        Of the gap's energy; all rows add up to one.
+    interval : (float, float)
+        95 %.
+    inclusion : float or None
+    parameters : mapping of str to (value, standard deviation)
+    """
+
+    cause: str
     dof: str
-    share: float  # Of the gap's energy; all rows add up to one
-    interval: tuple[float, float]  # 95 %
+    share: float
+    interval: tuple[float, float]
     inclusion: float | None = None
-    # Values and standard deviations
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -38,18 +50,27 @@ class Row:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Budget(Brief):
-    """Where the gap goes."""
+    """Where the gap goes.
 
-    unseen: tuple[str, ...]  # Records that it was measured on
-    # before, after, noise: Gap of the model as given, of the corrected one, and what the sensors' noise makes of the
-    # latter
+    Parameters
+    ----------
+    unseen : tuple of str
+        Records that it was measured on.
+    before, after, noise : float
+        Gap of the model as given, of the corrected one, and what the sensors' noise makes of the latter.
+    rows : tuple of Row
+    by_record : mapping of (record, dof) to mapping of cause to share
+        The same for each record and degree of freedom.
+    beyond : float
+        Gap of the model as given beyond the noise that is expected in each record and degree of freedom.
+    """
+
+    unseen: tuple[str, ...]
     before: float
     after: float
     noise: float
     rows: tuple[Row, ...]
-    # Share of each cause by record and degree of freedom
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
-    # Gap of the model as given beyond the noise that is expected in each record and degree of freedom
     beyond: float = 0.0
 
     @property
@@ -129,11 +150,22 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
            last: Sequence[Row] = ()) -> Budget:
     """Return the budget of a gap.
 
-    `causes`: recalibration and effects, shares not filled in. `predict`: errors on the unseen records with a set of
-    causes put right. `noise`: standard deviation of the noise in each error of `predict`. `block`: length of a block
-    for the intervals [s]. `sizes`: mean square that an error is compared with, where that is not the one of the signal
-    itself. `last`: causes that explain what the others leave and predict nothing, one after the other; `predict`
-    numbers them on.
+    Parameters
+    ----------
+    causes : sequence of Row
+        Recalibration and effects, shares not filled in.
+    predict : callable
+        Errors on the unseen records with a set of causes put right.
+    noise : sequence of float
+        Standard deviation of the noise in each error of `predict`.
+    dofs : sequence of str
+    block : float
+        Length of a block for the intervals [s].
+    rng : numpy.random.Generator
+    sizes : mapping of (record, position of the degree of freedom) to float, optional
+        Mean square that an error is compared with, where that is not the one of the signal itself.
+    last : sequence of Row
+        Causes that explain what the others leave and predict nothing, one after the other; `predict` numbers them on.
     """
     first = predict(frozenset())
     scale = energy(first, sizes) / np.array([max(float(np.sum(e.error**2)), 1e-300) for e in first])

@@ -15,13 +15,26 @@ from radiation_ss.inference.rows import projected
 
 @dataclass(frozen=True)
 class Where:
-    """Place of a gap."""
+    """Place of a gap.
 
-    records: Mapping[str, float] = field(default_factory=dict)  # Relative equation error beyond the noise
-    dofs: Mapping[str, float] = field(default_factory=dict)  # Share of the gap
-    bands: tuple[tuple[float, float, float], ...] = ()  # Low, high [rad/s], share
-    phase: str = "mixed"  # stiffness, damping, inertia, input, offset or mixed: what goes along with most of it
-    amplitude_dependent: bool = False  # Whether the part in phase grows otherwise than linearly with the motion
+    Parameters
+    ----------
+    records : mapping of record to float
+        Relative equation error beyond the noise.
+    dofs : mapping of degree of freedom to share
+    bands : tuple of (low, high, share)
+        Circular frequencies [rad/s], octaves that all records have in common.
+    phase : str
+        stiffness, damping, inertia, input, offset or mixed: what goes along with most of it.
+    amplitude_dependent : bool
+        Whether the part in phase grows otherwise than linearly with the motion.
+    """
+
+    records: Mapping[str, float] = field(default_factory=dict)
+    dofs: Mapping[str, float] = field(default_factory=dict)
+    bands: tuple[tuple[float, float, float], ...] = ()
+    phase: str = "mixed"
+    amplitude_dependent: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""

@@ -161,12 +161,22 @@ class Effect:
 
 @dataclass(frozen=True)
 class Active:
-    """An effect put to work on a degree of freedom with numbers for its parameters."""
+    """An effect put to work on a degree of freedom with numbers for its parameters.
+
+    Parameters
+    ----------
+    effect : Effect
+    dof : str
+        Degree of freedom; of a pair the first ("" for the whole body).
+    values : mapping of str to float
+    other : str
+        The second degree of freedom of a pair.
+    """
 
     effect: Effect
-    dof: str  # Degree of freedom; of a pair the first ("" for the whole body)
+    dof: str
     values: Mapping[str, float] = field(default_factory=dict)
-    other: str = ""  # The second degree of freedom of a pair
+    other: str = ""
 
     def __post_init__(self) -> None:
         unknown = sorted(set(self.values) - set(self.effect.parameters))
