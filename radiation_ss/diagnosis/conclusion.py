@@ -55,7 +55,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     # What is rather not there than there is no answer, either; where the coefficients say so, they may be the cause.
     if answer.status == "effect" and (answer.probability < 0.5 or far_off > rules.plausible):
         blamed = far_off <= rules.plausible and answer.probability >= 1.0 - data.contradiction
-        sets = (tuple(label(model, e.name, e.dof) for e in answer.effects),) if blamed else ()
+        sets = (tuple(label(model.dofs, e.name, e.dof) for e in answer.effects),) if blamed else ()
         answer = replace(answer, status="ambiguous" if blamed else "unknown_effect", effects=(),
                          indistinguishable=sets,
                          probability=answer.probability if blamed else 1.0 - answer.probability)
@@ -96,7 +96,7 @@ def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidd
                 1.0 / (1.0 + ledger.against))
     outside = rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters
     chances = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
-    chances = {(*told, *(label(problem.model, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
+    chances = {(*told, *(label(problem.model.dofs, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
     sets, rivals = [*chances], tuple(told for told, p in chances.items() if p >= 1.0 - rules.credible)
     doubtful = within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters
     if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
@@ -144,13 +144,13 @@ def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> li
 
 def with_zeros(model: Model, named: Sequence[Named], dofs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return the sets of names beside which zeros are off, each by one of the effects that make it so."""
-    known = [label(model, e.name, e.dof) for e in named]
-    return tuple((*known, *(label(model, zero, dof) for dof in dofs)) for zero in zeros()) if dofs else ()
+    known = [label(model.dofs, e.name, e.dof) for e in named]
+    return tuple((*known, *(label(model.dofs, zero, dof) for dof in dofs)) for zero in zeros()) if dofs else ()
 
 
-def label(model: Model, name: str, where: str) -> str:
+def label(dofs: Sequence[str], name: str, where: str) -> str:
     """Return an effect with its place, which is not said of a body with one motion."""
-    return f"{name} on {where}" if where and model.n > 1 else name
+    return f"{name} on {where}" if where and len(dofs) > 1 else name
 
 
 def contradiction(model: Model) -> float:
@@ -220,7 +220,7 @@ def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()
     """
     chances: dict[tuple[str, ...], float] = {}
     for candidate, p in zip(found.candidates, found.probabilities()):
-        labels = tuple(sorted(label(found.problem.model, a, f"{b},{c}" if c else b)
+        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b)
                               for a, b, c in candidate.keys - small))
         chances[labels] = chances.get(labels, 0.0) + float(p)
     order = list(chances)

@@ -11,7 +11,7 @@ import numpy as np
 
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
-from radiation_ss.diagnosis.conclusion import zeros
+from radiation_ss.diagnosis.conclusion import label, zeros
 from radiation_ss.diagnosis.prediction import energy
 from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.errors import InputError
@@ -266,10 +266,10 @@ def sentence(found: Diagnosis) -> str:
 
 def also(found: Diagnosis) -> str:
     """Return what is said of the sets beside the named one: a zero that is off, or less probable effects."""
-    named = {f"{e.name} on {e.dof}" if e.dof and len(found.dofs) > 1 else e.name for e in found.verdict.effects}
-    others = [s for s in found.verdict.indistinguishable if set(s) != named]
-    more = [" + ".join(label for label in s if label not in named) for s in others]
-    if all(label.partition(" on ")[0] in zeros() for label in more):
+    named, sets = {label(found.dofs, e.name, e.dof) for e in found.verdict.effects}, found.verdict.indistinguishable
+    others = [s for s in sets if set(s) != named]
+    more = [" + ".join(part for part in s if part not in named) for s in others]
+    if len(others) == len(sets) and all(part.partition(" on ")[0] in zeros() for part in more):
         return f"beside it a zero is off: {' or '.join(more)}"
     told = (f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
             for s, rest in zip(others, more))
