@@ -28,9 +28,17 @@ def foreign(action: str, suffix: str) -> Callable[..., Any]:
 def write_fit(fit: RadiationFit, path: str | Path) -> Path:
     """Write a fit; the suffix says how.
 
-    `path`: .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation: the force -K v), .h5
-    (BEMIO's state_space groups; an existing file keeps all else, and must have the density of the fit's data) or .mat
-    (A, B, C). InputError if the suffix is unknown.
+    Parameters
+    ----------
+    path : path
+        .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation: the force -K v), .h5 (BEMIO's
+        state_space groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A,
+        B, C).
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown.
     """
     target = Path(path)
     if target.suffix == ".json":

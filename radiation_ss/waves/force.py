@@ -138,8 +138,14 @@ def bring_into(direction: float, known: FloatArray) -> float:
 def cosine_spreading(directions: ArrayLike, mean: float = 0.0, exponent: float = 10.0) -> FloatArray:
     """Return the shares of a cos^(2s)((direction - mean) / 2) spreading, normalised to sum 1 over the directions.
 
-    `directions` (n_dir,): evenly spaced directions of propagation [rad]. `mean`: main direction [rad]. `exponent`: s;
-    about 5 for wind sea, 25 to 75 for swell (Longuet-Higgins et al. 1963; Goda 2000).
+    Parameters
+    ----------
+    directions : array_like, shape (n_dir,)
+        Evenly spaced directions of propagation [rad].
+    mean : float
+        Main direction [rad].
+    exponent : float
+        s; about 5 for wind sea, 25 to 75 for swell (Longuet-Higgins et al. 1963; Goda 2000).
     """
     angle = np.asarray(directions, dtype=float) - mean
     weight = np.abs(np.cos(0.5 * angle)) ** (2.0 * exponent)
