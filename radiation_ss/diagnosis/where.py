@@ -71,8 +71,8 @@ def where(problem: EquationError, effects: list[str]) -> Where:
 def octaves(problem: EquationError) -> FloatArray:
     """Return edges of the frequency bands of all records [rad/s]: octaves about the slowest motion's frequency."""
     slowest = min(scale.omega for scale in problem.scales.values())
-    top = max(float(block.omega[-1]) for run in problem.runs for block in run.basis)
-    count = max(int(np.ceil(np.log2(top / slowest) + 0.5)), 0) + 1
+    highest = max(float(block.omega[-1]) for run in problem.runs for block in run.basis)
+    count = int(np.ceil(np.log2(max(highest / slowest, 1.0)) + 0.5)) + 1
     return np.concatenate([[0.0], slowest * 2.0 ** (np.arange(count) - 0.5)])
 
 
