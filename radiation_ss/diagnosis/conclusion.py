@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
@@ -26,11 +26,23 @@ from radiation_ss.diagnosis.left import Remainder, left_by, remainder, share_lef
 from radiation_ss.diagnosis.prediction import Error, Predictor, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.sets import (
+    Names,
+    joint,
+    label,
+    likely_sets,
+    places,
+    too_small,
+    unrivalled,
+    with_zeros,
+    within,
+    zeros,
+)
 from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
-from radiation_ss.effects import Active, library
-from radiation_ss.effects.nominal import simulated_numbers
-from radiation_ss.inference.candidates import Candidate, Key, Keys
+from radiation_ss.effects import Active
+from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
+from radiation_ss.inference.candidates import Key
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
 from radiation_ss.simulation.corrected import Corrected
@@ -49,16 +61,8 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     slow = [Row(e.name, e.dof, 0.0, (0.0, 0.0), e.inclusion, e.parameters) for e in rest.drifts.values()]
     ledger, predictions = account(found, null, tested, data, slow, rest.below)
     how = far(ledger, predictions)
-    answer = decided(found, pair, ledger, closed, hidden, rules, data, rest)
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
-    far_off = farthest(own, pair)
-    # What is rather not there than there is no answer, either; where the coefficients say so, they may be the cause.
-    if answer.status == "effect" and (answer.probability < 0.5 or far_off > rules.plausible):
-        blamed = far_off <= rules.plausible and answer.probability >= 1.0 - data.contradiction
-        sets = (tuple(label(model.dofs, e.name, e.dof) for e in answer.effects),) if blamed else ()
-        answer = replace(answer, status="ambiguous" if blamed else "unknown_effect", effects=(),
-                         indistinguishable=sets,
-                         probability=answer.probability if blamed else 1.0 - answer.probability)
+    answer = answered(grounds(found, pair, ledger, closed, own, data, rest, rules), found, ledger, hidden, rules)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
@@ -68,69 +72,111 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                      how, corrected, moved, predictions, model.dofs, rules)
 
 
-def decided(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, hidden: Sequence[Key], rules: Rules,
-            data: Data, beside: Remainder) -> Answer:
-    """Return the verdict: no_gap, effect, ambiguous or unknown_effect."""
-    problem = found.problem
+@dataclass(frozen=True)
+class Grounds:
+    """What a verdict follows from."""
+
+    named: tuple[Named, ...]  # Effects that close what matters, stand out, are probable and have no rival
+    slow: tuple[Named, ...]  # Slow forces that close what matters
+    zeros: tuple[str, ...]  # Motions where a zero is off
+    sets: dict[Names, float]  # Probable sets by name
+    rivals: tuple[Names, ...]  # Those that are not improbable
+    chance: float  # Probability that all of `named` are there
+    none: float  # Probability that no effect is
+    worth: float  # Most that a name can be worth, by what is left beside it and by what speaks against it
+    contradiction: float  # By how much the model's coefficients contradict themselves
+    whole: bool  # Whether `named` is all that tells
+    checked: bool  # Whether unseen records check a name: those of a known force
+    matter: bool  # Whether any effect closes what matters
+    shrinks: bool  # Whether the gap of unseen records shrinks
+    grows: bool  # Whether it grows
+    closes: bool  # Whether little of it is left
+    outside: bool  # Whether another effect is left
+    plausible: bool  # Whether each nominal number is as near as it may be beside a name
+    surprising: bool  # Whether a number that closes what matters is further off than its tolerance allows
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether an effect that matters is rather there than not."""
+        return self.none < 0.5 and self.matter
+
+
+def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own: Sequence[OwnNumber], data: Data,
+            beside: Remainder, rules: Rules) -> Grounds:
+    """Return what the verdict follows from."""
+    problem, dofs = found.problem, found.problem.model.dofs
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
     sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
              if size >= rules.matters and active.effect.family != "offset"]
     named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure
-             and unrivalled(found, (e.name, *both(e.dof)), rules.sure)]
+             and unrivalled(found, (e.name, *places(e.dof)), rules.sure)]
     telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]
-    chance = joint(found, [(e.name, *both(e.dof)) for e in named])
     # What zeros of sensors are off by in any record is no drift of the force.
     drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
-    unexplained = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)
-    grows = ledger.before**2 * (ledger.left - 1.0) > rules.matters**2
-    kinds, forced = {run.record.kind for run in problem.runs}, problem.forced
-    untold = tuple(sorted({key[0] for key in hidden} - {k[0] for k in found.inclusion}))
-    rest = ledger.before * np.sqrt(ledger.unexplained)
-    closes = unexplained <= rules.unexplained or rest < rules.matters
-    # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
-    left = min(ledger.unexplained, 1.0)
-    worth = min(1.0 - max(rules.false_alarm, np.sqrt(left) if beside.missed else left, data.contradiction),
-                1.0 / (1.0 + ledger.against))
-    outside = rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters
     chances = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
-    chances = {(*told, *(label(problem.model.dofs, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
-    sets, rivals = [*chances], tuple(told for told, p in chances.items() if p >= 1.0 - rules.credible)
-    doubtful = within(found, frozenset()) < 0.5 and max(closed, default=0.0) >= rules.matters
-    if pulled_slowly(problem) and not any(c.terms for c in found.candidates):
-        return Answer("ambiguous", (), 0.0, (), untold, next_record(kinds, forced, "slow"))
-    if named and not ledger.unseen:  # without a known force nothing checks a name
-        status, cap, named = "ambiguous", min(chance, 0.5), []
-    elif named == telling and (named or (slow and not doubtful)) and not grows and closes:
-        status, cap, named = "effect", min(chance, worth), [*named, *slow]
-    elif doubtful and shrinks(ledger, rules) and (closes or not outside):
-        # Effects of one set that do not stand out beside each other stand for each other.
-        sets = sets if len(sets) > 1 else [(told,) for told in sets[0]]
-        status, cap, named = "ambiguous", found.probabilities()[0], []
-    elif outside:
-        some = chance if named else 1.0 - within(found, frozenset())
-        status, cap, named = "unknown_effect", 1.0 - min(some, worth), []
-    elif (len(rivals) > 1 and surprising(pair, data.tolerated, problem, rules)
-          and ledger.before**2 - ledger.after**2 >= rules.matters**2):
-        # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
-        status, cap, named, sets = "ambiguous", found.probabilities()[0], [], [*rivals]
+    sets = {(*told, *(label(dofs, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
+    rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * (ledger.left - 1.0) > rules.matters**2
+    left = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)
+    # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
+    odd = float(np.sqrt(min(ledger.unexplained, 1.0)) if beside.missed else min(ledger.unexplained, 1.0))
+    return Grounds(
+        named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, rules)), sets=sets,
+        rivals=tuple(told for told, p in sets.items() if p >= 1.0 - rules.credible),
+        chance=joint(found, [(e.name, *places(e.dof)) for e in named]), none=within(found, frozenset()),
+        worth=min(1.0 - max(rules.false_alarm, odd, data.contradiction), 1.0 / (1.0 + ledger.against)),
+        contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
+        matter=max(closed, default=0.0) >= rules.matters, shrinks=shrinks(ledger, rules), grows=grows,
+        closes=left <= rules.unexplained or rest < rules.matters,
+        outside=rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters,
+        plausible=farthest(own, pair) <= rules.plausible,
+        surprising=surprising(own, pair, rules) and ledger.before**2 - ledger.after**2 >= rules.matters**2)
+
+
+def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], rules: Rules) -> Answer:
+    """Return the verdict with what it names and what to measure next."""
+    problem = found.problem
+    kinds, untold = {run.record.kind for run in problem.runs}, {k[0] for k in hidden} - {k[0] for k in found.inclusion}
+    if slowly := pulled_slowly(problem) and not any(c.terms for c in found.candidates):
+        status, chance, sets = "ambiguous", 0.0, tuple[Names, ...]()
     else:
-        status, cap, named = "no_gap", within(found, found.candidates[0].keys), []
-    zero = with_zeros(problem.model, named, off_zero(found, pair, closed, rules))
-    told = {"ambiguous": tuple(sets), "effect": zero or (rivals if len(rivals) > 1 else ())}
-    return Answer(status, tuple(named), float(cap), told.get(status, ()), untold, next_record(kinds, forced, status))
+        status, chance, sets = verdict(on, found, problem.model.dofs)
+    return Answer(status, (*on.named, *on.slow) if status == "effect" else (), float(chance), sets,
+                  tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status))
 
 
-def zeros() -> list[str]:
-    """Return the effects by which a zero is off in all records alike: of a force, or of a sensor."""
-    return sorted(e.name for e in library().values() if e.family == "offset" and not e.per_record)
+def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float, tuple[Names, ...]]:
+    """Return no_gap, effect, ambiguous or unknown_effect with its probability and the sets beside it."""
+    first = float(found.probabilities()[0])
+    if on.named and not on.checked:  # without a known force nothing checks a name
+        return "ambiguous", min(on.chance, 0.5), tuple(on.sets)
+    if on.whole and (on.named or (on.slow and not on.doubtful)) and on.closes and not on.grows:
+        sure, told = min(on.chance, on.worth), tuple(label(dofs, e.name, e.dof) for e in (*on.named, *on.slow))
+        if on.plausible and sure >= 0.5:
+            return "effect", sure, with_zeros(dofs, told, on.zeros) or (on.rivals if len(on.rivals) > 1 else ())
+        # What is rather not there than there is no answer; where the coefficients say so, they may be the cause.
+        blamed = on.plausible and sure >= 1.0 - on.contradiction
+        return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
+    if on.doubtful and on.shrinks and (on.closes or not on.outside):
+        # Effects of one set that do not stand out beside each other stand for each other.
+        best, *others = on.sets
+        return "ambiguous", first, (best, *others) if others else tuple((one,) for one in best)
+    if on.outside:
+        return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
+    if on.surprising and len(on.rivals) > 1:
+        # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
+        return "ambiguous", first, on.rivals
+    return "no_gap", within(found, found.candidates[0].keys), ()
 
 
 def least_beside(closed: FloatArray, rules: Rules) -> float:
     """Return how much of the motion a zero that is off, or a slow force, accounts for at least to be told."""
     return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
+
+
+
 
 
 def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
@@ -140,17 +186,6 @@ def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> li
     chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
                        if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
     return [dof for dof in found.problem.model.dofs if chance.get(dof, 0.0) >= rules.sure]
-
-
-def with_zeros(model: Model, named: Sequence[Named], dofs: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return the sets of names beside which zeros are off, each by one of the effects that make it so."""
-    known = [label(model.dofs, e.name, e.dof) for e in named]
-    return tuple((*known, *(label(model.dofs, zero, dof) for dof in dofs)) for zero in zeros()) if dofs else ()
-
-
-def label(dofs: Sequence[str], name: str, where: str) -> str:
-    """Return an effect with its place, which is not said of a body with one motion."""
-    return f"{name} on {where}" if where and len(dofs) > 1 else name
 
 
 def contradiction(model: Model) -> float:
@@ -172,11 +207,6 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
     return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
-def both(dof: str) -> tuple[str, str]:
-    """Take a place apart."""
-    one, _, other = dof.partition(",")
-    return one, other
-
 
 def name(problem: EquationError, active: Active, stds: Sequence[float], chance: float) -> Named:
     """Return an effect with numbers and units."""
@@ -186,52 +216,13 @@ def name(problem: EquationError, active: Active, stds: Sequence[float], chance: 
     return Named(active.name, place(active), values, units, chance)
 
 
-def joint(found: Found, keys: Sequence[Key]) -> float:
-    """Return the probability that all of some effects are there."""
-    wanted = set(keys)
-    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if wanted <= c.keys))
 
 
-def unrivalled(found: Found, key: Key, sure: float) -> bool:
-    """Whether no other effect in the place of one makes a set that is nearly as likely."""
-    best = max((c for c in found.candidates if key in c.keys), key=lambda c: c.log_probability)
-    rest = best.keys - {key}
-    others = [c.log_probability for c in found.candidates
-              if len(c.keys) == len(best.keys) and rest < c.keys != best.keys]
-    return best.log_probability - max(others, default=-np.inf) >= np.log(sure / (1.0 - sure))
 
 
-def within(found: Found, keys: Keys) -> float:
-    """Return the probability that no effect but some is there."""
-    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
 
-
-def too_small(best: Candidate, kept: Candidate) -> Keys:
-    """Return the effects of a set that close too little to matter, and on the same place what a zero stands for."""
-    small = best.keys - kept.keys
-    alike = {e.name for e in library().values() if e.family == "offset"}
-    return small | {(other, dof, "") for name, dof, _ in small if name in alike for other in alike}
-
-
-def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> dict[tuple[str, ...], float]:
-    """Return sets of names with their probability, the first one's candidate the most probable; `small` effects untold.
-
-    They hold a share of the probability, as far as so many do.
-    """
-    chances: dict[tuple[str, ...], float] = {}
-    for candidate, p in zip(found.candidates, found.probabilities()):
-        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b)
-                              for a, b, c in candidate.keys - small))
-        chances[labels] = chances.get(labels, 0.0) + float(p)
-    order = list(chances)
-    order[1:] = sorted(order[1:], key=lambda labels: -chances[labels])
-    needed = 1 + int(np.searchsorted(np.cumsum([chances[labels] for labels in order]), share))
-    return {labels: chances[labels] for labels in order[:min(needed, most)]}
-
-
-def surprising(pair: Fitted, tolerated: dict[str, float], problem: EquationError, rules: Rules) -> bool:
+def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:
     """Whether a nominal number is further off than one of so many is by chance if the stated tolerances hold."""
-    own = simulated_numbers(problem.model, tolerated, force=problem.forced)
     least = float(norm.isf(0.5 * (1.0 - rules.credible) / len(own)))
     return any(abs(first(a)) - rules.confirmed * s > 0.0 and abs(first(a)) >= least * o.spread
                for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))

@@ -11,8 +11,8 @@ import numpy as np
 
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
-from radiation_ss.diagnosis.conclusion import label, zeros
 from radiation_ss.diagnosis.prediction import energy
+from radiation_ss.diagnosis.sets import label, zeros
 from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit

@@ -1,0 +1,78 @@
+"""Sets of effects by name, and how probable they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from radiation_ss.effects import library
+from radiation_ss.inference.candidates import Candidate, Key, Keys
+from radiation_ss.inference.search import Found
+
+Names = tuple[str, ...]
+"""A set of effects, each by its label."""
+
+
+def zeros() -> list[str]:
+    """Return the effects by which a zero is off in all records alike: of a force, or of a sensor."""
+    return sorted(e.name for e in library().values() if e.family == "offset" and not e.per_record)
+
+
+def with_zeros(dofs: Sequence[str], known: Names, off: Sequence[str]) -> tuple[Names, ...]:
+    """Return the sets of names beside which zeros are off, each by one of the effects that make it so."""
+    return tuple((*known, *(label(dofs, zero, dof) for dof in off)) for zero in zeros()) if off else ()
+
+
+def label(dofs: Sequence[str], name: str, where: str) -> str:
+    """Return an effect with its place, which is not said of a body with one motion."""
+    return f"{name} on {where}" if where and len(dofs) > 1 else name
+
+
+def places(dof: str) -> tuple[str, str]:
+    """Take a place apart."""
+    one, _, other = dof.partition(",")
+    return one, other
+
+
+def joint(found: Found, keys: Sequence[Key]) -> float:
+    """Return the probability that all of some effects are there."""
+    wanted = set(keys)
+    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if wanted <= c.keys))
+
+
+def unrivalled(found: Found, key: Key, sure: float) -> bool:
+    """Whether no other effect in the place of one makes a set that is nearly as likely."""
+    best = max((c for c in found.candidates if key in c.keys), key=lambda c: c.log_probability)
+    rest = best.keys - {key}
+    others = [c.log_probability for c in found.candidates
+              if len(c.keys) == len(best.keys) and rest < c.keys != best.keys]
+    return best.log_probability - max(others, default=-np.inf) >= np.log(sure / (1.0 - sure))
+
+
+def within(found: Found, keys: Keys) -> float:
+    """Return the probability that no effect but some is there."""
+    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
+
+
+def too_small(best: Candidate, kept: Candidate) -> Keys:
+    """Return the effects of a set that close too little to matter, and on the same place what a zero stands for."""
+    small = best.keys - kept.keys
+    alike = {e.name for e in library().values() if e.family == "offset"}
+    return small | {(other, dof, "") for name, dof, _ in small if name in alike for other in alike}
+
+
+def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> dict[Names, float]:
+    """Return sets of names with their probability, the first one's candidate the most probable; `small` effects untold.
+
+    They hold a share of the probability, as far as so many do.
+    """
+    chances: dict[Names, float] = {}
+    for candidate, p in zip(found.candidates, found.probabilities()):
+        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b)
+                              for a, b, c in candidate.keys - small))
+        chances[labels] = chances.get(labels, 0.0) + float(p)
+    order = list(chances)
+    order[1:] = sorted(order[1:], key=lambda labels: -chances[labels])
+    needed = 1 + int(np.searchsorted(np.cumsum([chances[labels] for labels in order]), share))
+    return {labels: chances[labels] for labels in order[:min(needed, most)]}
