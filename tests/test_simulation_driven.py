@@ -147,6 +147,18 @@ def test_a_slow_test_of_the_rig_passes_with_a_word_and_slow_waves_do_not():
         check_units(model, [rss.Record(TIME, channels, kind="waves")])
 
 
+def test_a_drive_near_the_natural_frequency_witnesses_the_time_of_a_slow_motion():
+    """What a slow force moves that nobody records, by its stiffness; in milliseconds the drive is slow, too."""
+    model = tank_model()
+    natural = float(np.sqrt(model.C[0, 0] / (model.M + model.A_inf)[0, 0]))
+    force = 1e-3 * model.C[0, 0] * np.sin(natural * TIME)
+    moved = np.asarray(rss.linear_response(model, TIME, force[None]).outputs)[0] + 0.5 * np.sin(0.16 * TIME)
+    record = rss.Record(TIME, {"Heave": moved, "Heave_force": force}, kind="waves")
+    check_units(model, [record])
+    with pytest.raises(InputError, match=r"column time.*the motion's frequency"):
+        check_units(model, [rss.Record(1e3 * TIME, record.channels, kind="waves")])
+
+
 @pytest.mark.parametrize("C", [0.0, 8e4 / 30.0])
 def test_a_mooring_that_the_model_lacks_swings_as_its_spring_says(C):
     model = rss.body(dof="Surge", mass=2e7, added_mass=1e7, C=C)

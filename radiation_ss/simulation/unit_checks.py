@@ -147,15 +147,22 @@ def own_frequencies(model: Model) -> FloatArray:
 
 
 def _apart(model: Model, record: Record) -> str:
-    """Return words for a motion whose frequency is far from all natural ones, else nothing."""
+    """Return words for a motion whose frequency is far from all natural ones, else nothing.
+
+    A drive whose frequency is not far from them witnesses that time is right: a slow force and friction move a body so.
+    """
     natural = own_frequencies(model)
     if natural.size < model.n:
         return ""
-    found = []
-    for column in _motion(model, record):
-        omega, spectrum = signals.spectrum_of(record, record.channels[column])
-        found.append(signals.middle(omega, spectrum))
-    if found and (max(found) * FACTOR < natural.min() or min(found) > FACTOR * natural.max()):
+
+    def far(columns: Sequence[str]) -> FloatArray:
+        found = np.array([signals.middle(*signals.spectrum_of(record, record.channels[c])) for c in columns])
+        return found if found.max() * FACTOR < natural.min() or found.min() > FACTOR * natural.max() else found[:0]
+
+    drive = [c for c in (*(f"{dof}_force" for dof in model.dofs), "wave_elevation") if _variance(
+        record.channels.get(c, np.zeros(1)))]
+    motion = _motion(model, record)
+    if motion and (found := far(motion)).size and not (drive and not far(drive).size):
         return (f"column time, all {record.time.size} rows: the motion's frequency is {np.median(found):.3g} rad/s "
                 f"where the model's own is {natural[0]:.3g} rad/s")
     return ""
