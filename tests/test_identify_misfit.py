@@ -136,6 +136,28 @@ def test_numbers_that_only_the_elevation_asks_for_may_be_X():
     assert asked["Heave_force"] and "X" not in asked["Heave_force"][0]
 
 
+@pytest.mark.parametrize("factor", [3.0, 1.0 / 3.0])
+def test_a_force_of_the_wrong_size_is_said_of_X_and_leaves_the_kernel_alone(factor):
+    """The elevation's force has a size that motion shows: a stated gain a few times off is X, not the motion sensor."""
+    rng, truth = np.random.default_rng(7), with_waves(tank())
+    time, w = 0.05 * np.arange(1600), np.sort(rng.uniform(4.0, 13.0, 60))
+    a = 2e-3 * np.exp(2j * np.pi * rng.random(60))
+    X = np.interp(w, truth.hydro.omega, truth.hydro.X[:, 0, 0].real)
+    K, waves = truth.fit.frequency_response(w)[:, 0, 0], np.exp(1j * np.outer(time, w))
+    receptance = 1.0 / (truth.C[0, 0] + 1j * w * K - w**2 * (truth.M + truth.A_inf)[0, 0])
+    heave, elevation = (waves @ (X * receptance * a)).real, (waves @ a).real
+    record = Record(time, {"Heave": heave + 0.01 * heave.std() * rng.standard_normal(time.size),
+                           "wave_elevation": elevation}, kind="waves")
+    believed = truth.replace(hydro=truth.hydro.replace(X=factor * truth.hydro.X))
+    found = identify(believed, record, "prediction-error", omega=BAND, draws=200)
+    asked = [text for text in found.warnings if "the records ask for" in text]
+    assert len(asked) == 1 and "force [Heave]" in asked[0] and "X" in asked[0]
+    row = found.parameters["force [Heave]"]
+    assert abs(row["mean"] + 1.0 - 1.0 / factor) < 3.0 * row["std"]
+    inside, K = (BAND > 4.5) & (BAND < 12.0), truth.fit.frequency_response(BAND)[:, 0, 0]
+    assert np.linalg.norm((found.K.mean[:, 0, 0] - K)[inside]) < 0.1 * np.linalg.norm(K[inside])
+
+
 def test_motion_that_laws_are_made_of_is_the_true_one_from_the_first_sample_on():
     """At the start a prediction is the prior's zero: the velocity by it was off by the motion's own size."""
     body, t = tank(), np.arange(0.0, 20.0, 0.05)

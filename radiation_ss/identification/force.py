@@ -28,7 +28,7 @@ from radiation_ss.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class WaveForce:
-    """Exciting force from the wave elevation: X by Haskind's relation with the damping, times a complex error."""
+    """Exciting force from the wave elevation: X by Haskind's relation with the damping, times a gain and an error."""
 
     spectrum: ComplexArray  # (nw,): Fourier coefficients of the elevation, padded to twice its length
     omega: FloatArray  # (nw,)
@@ -48,7 +48,7 @@ class WaveForce:
         n = self.haskind.X.shape[1]
         parts = self.error * (v.reshape(2 * n, -1) @ self.bumps)
         X = self.haskind.exciting_force(np.einsum("wjj->wj", form.K(form.theta(u), self.omega).real))
-        moved = self.spectrum[:, None] * X * np.exp(parts[:n] + 1j * parts[n:]).T
+        moved = self.spectrum[:, None] * X * (np.exp(parts[:n] + 1j * parts[n:]).T * form.gain("force", u))
         return np.asarray(np.fft.irfft(moved, 2 * self.samples, axis=0)[self.trim:self.samples - self.trim])
 
 

@@ -141,7 +141,7 @@ def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], m
     if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
-    form = _form(model, method, prior, rules)
+    form = _form(model, method, prior, rules, bool(waves))
     check_units(model, runs)
     check_decays(model, runs)
     known = None if points is None else known_points(model, points, form, rules.point_tolerance)
@@ -183,8 +183,8 @@ def by_waves(model: Model, record: Record, method: str) -> bool:
                         or (method == "prediction-error" and "wave_elevation" in record.channels))
 
 
-def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametrisation:
-    """Return the parameters that a method moves, with their prior."""
+def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool) -> Parametrisation:
+    """Return the parameters that a method moves, with their prior; `waves`: whether X gives the force of a record."""
     if method == "dual-enkf":
         return entrywise(model, prior)
     sizes, known_forces = rules.tolerances, method == "prediction-error"
@@ -195,7 +195,8 @@ def _form(model: Model, method: str, prior: float, rules: Settings) -> Parametri
     form = with_table(parametrise(model.fit, model.A_inf, prior, rest), model)
     if method == "points":
         return form
-    return form.with_nominal(sizes if known_forces else sizes | {"sensor": 0.0}, model.M)
+    seen = {"sensor": known_forces, "force": known_forces and waves}    # else the sea's own size takes them in
+    return form.with_nominal(sizes | {name: 0.0 for name, there in seen.items() if not there}, model.M)
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:

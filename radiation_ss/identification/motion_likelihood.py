@@ -141,7 +141,7 @@ class MotionLikelihood:
         force = self.forces(u, v) - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
         drive = np.zeros((force.shape[0], N + p))
         drive[:-1, :N] = force[:-1] @ (held - late).T + force[1:] @ late.T
-        H, direct = self.outputs(F, G, self.form.sensor(u))
+        H, direct = self.outputs(F, G, self.form.gain("sensor", u))
         R = noise**2 + np.sum((direct * force_noise) ** 2, axis=1)
         process = held * force_noise
         full, Q = np.eye(N + p), np.zeros((N + p, N + p))

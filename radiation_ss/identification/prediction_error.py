@@ -161,10 +161,9 @@ def by_prediction_error(study: Study) -> Findings:
         new = record_likelihoods(study, record)
         floor = NoiseRules().least_force
         if new[0].wave is not None:
-            error = study.rules.tolerances["force"]
             warnings.append(f"record {record.name}: the force comes from the wave elevation by the model's X, which "
-                            f"follows the damping by Haskind's relation and may be {error:.0%} off; a larger error of "
-                            "X goes into A and B")
+                            "follows the damping by Haskind's relation; an error of X that changes with frequency, and "
+                            f"is larger than {study.rules.tolerances['force']:.0%}, goes into A and B")
             elevation = record.channels["wave_elevation"]
             elevation = elevation[np.isfinite(elevation)]
             floor = max(floor, noise_of(elevation) / float(elevation.std()))

@@ -44,8 +44,8 @@ class Identification(Shown):
         The subsystem of the mean parameters.
     parameters : dict
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
-        resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`: relative
-        changes of the model's nominal numbers.
+        resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`,
+        `force [dof]`: relative changes of the model's nominal numbers.
     sea : dict
         Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
     information : dict
@@ -261,14 +261,16 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
                 nominal: dict[str, dict[str, float]], shares: dict[str, FloatArray], mended: str) -> Iterator[str]:
     """Yield what the user must know about where the numbers came from; `mended`: what made the memory passive."""
     rules, what = study.rules, {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring",
-                                "sensor": "gain of the motion sensor"}
-    by_elevation = any(kind == "sensor" for kind, *_ in study.form.nominal) and all(
+                                "sensor": "gain of the motion sensor",
+                                "force": "X, or the gain of the wave probe"}
+    by_elevation = any(kind == "force" for kind, *_ in study.form.nominal) and all(
         record.kind != "decay" and record.get("force", study.model.dofs) is None for record in study.records)
     tied = ", or X with the damping that it is tied to" if by_elevation else ""
     for name, row in nominal.items():
+        kind = name.split()[0]
         if abs(row["mean"]) > rules.doubt * row["std"]:
             yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
-                   f"({what[name.split()[0]]}{tied}; tolerance {row['prior_std']:.1%}): check it")
+                   f"({what[kind]}{tied if kind != 'force' else ''}; tolerance {row['prior_std']:.1%}): check it")
     far = [f"{name} by {row['moved']:+.2g}" for name, row in parameters.items()
            if abs(row["moved"]) > rules.contradiction]
     if far:

@@ -56,7 +56,7 @@ class Parametrisation:
     mean: FloatArray
     std: FloatArray
     names: tuple[str, ...]
-    # Numbers of the model that are free too: what ("inertia", "stiffness", "sensor"),
+    # Numbers of the model that are free too: what ("inertia", "stiffness", "sensor", "force"),
     # of which degree of freedom (-1: none of these), its tolerance, and where it stands in u. The number is 1 +
     # tolerance sinh(tail u) / tail times its nominal value: heavier tails than a normal distribution, because a stated
     # tolerance is itself a guess.
@@ -97,26 +97,26 @@ class Parametrisation:
         return (roots["inertia"][..., :, None] * inertia * roots["inertia"][..., None, :],
                 roots["stiffness"][..., :, None] * stiffness * roots["stiffness"][..., None, :])
 
-    def sensor(self, u: FloatArray) -> FloatArray:
-        """Return the gain of the motion sensors of each degree of freedom, shape (..., n)."""
+    def gain(self, what: str, u: FloatArray) -> FloatArray:
+        """Return the gain of the motion sensors, "sensor", or of X, "force", of each motion, shape (..., n)."""
         out = np.ones((*u.shape[:-1], len(self.dofs)))
         change = self.nominal_change(u) if self.nominal else out
         for i, (kind, dof, _, _) in enumerate(self.nominal):
-            if kind == "sensor" and dof >= 0:
+            if kind == what and dof >= 0:
                 out[..., dof] += change[..., i]
-        return out
+        return np.maximum(out, 0.05)
 
     def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
-        """Return the same with inertia, stiffness and sensor gain of each degree of freedom free in their tolerance.
+        """Return the same with inertia, stiffness and gains of each degree of freedom free in their tolerance.
 
-        `tolerance`: relative standard deviations: mass, A_inf, stiffness, sensor. `mass` (n, n): rigid-body inertia;
-        that of mass and that of A_inf move the same number.
+        `tolerance`: relative standard deviations: mass, A_inf, stiffness, sensor, force. `mass` (n, n): rigid-body
+        inertia; that of mass and that of A_inf move the same number.
         """
         rows = []
         for j in range(len(self.dofs)):
             m, a = mass[j, j], self.A_inf[j, j]
             inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
-            rows += [("inertia", j, inertia), *((kind, j, tolerance[kind]) for kind in ("stiffness", "sensor"))]
+            rows += [("inertia", j, inertia), *((kind, j, tolerance[kind]) for kind in ("stiffness", "sensor", "force"))]
         wanted = [row for row in rows if row[2] > 0.0]
         first = self.active.size
         return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
