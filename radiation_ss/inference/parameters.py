@@ -116,7 +116,8 @@ class Parametrisation:
         for j in range(len(self.dofs)):
             m, a = mass[j, j], self.A_inf[j, j]
             inertia = float(np.hypot(tolerance["mass"] * m, tolerance["A_inf"] * a) / (m + a))
-            rows += [("inertia", j, inertia), *((kind, j, tolerance[kind]) for kind in ("stiffness", "sensor", "force"))]
+            rows += [("inertia", j, inertia)]
+            rows += [(kind, j, tolerance[kind]) for kind in ("stiffness", "sensor", "force")]
         wanted = [row for row in rows if row[2] > 0.0]
         first = self.active.size
         return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
