@@ -127,6 +127,7 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
     ("time [s],Heave [m]\n0,0,1,5\n", ["line 2", "4 cells, but the header has 2", "decimal marks, semicolons"]),
     (GOOD + ",1\n", ["line 4", "column 'time'", "no time"]),
     (GOOD + "0.05,1\n", ["line 4", "column 'time'", "comes after 0.1 s"]),
+    ("time [s],Heave [m]\n0.3,0\n0.1,0.1\n0.2,0.2\n", ["line 3", "column 'Heave' does", "header", "swapped"]),
     ("# name: x\n" + GOOD + "0.1,1\n", ["line 5", "0.1 s is there twice"]),
     ("# kind: storm\n" + GOOD, ["kind 'storm' is unknown", "decay"]),
     ("# kind = decay\n" + GOOD, ["line 1", "write `# kind: ...`"]),

@@ -162,6 +162,10 @@ def test_own_effect_in_a_few_lines():
 def test_bad_effects_are_refused_with_a_clear_word():
     with pytest.raises(InputError, match="is unknown; the library has"):
         activate([("no_such_effect", {})], ["Heave"])
+    for near, meant in (("drag", "quadratic_drag"), ("quadratic_dragg", "quadratic_drag"),
+                        ("mooring", "mooring_lines")):
+        with pytest.raises(InputError, match=f"{near}.* is unknown; nearest are .*{meant}"):
+            activate([(near, {})], ["Heave"])
     with pytest.raises(InputError, match="no parameter 'c'"):
         activate([("quadratic_drag", {"c": 1.0})], ["Heave"])
     with pytest.raises(InputError, match="not among"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from math import isfinite
@@ -80,9 +81,11 @@ def register_effect(effect: Effect, *, replace: bool = False) -> Effect:
 
 
 def effect_named(name: str) -> Effect:
-    """Return an effect of the library; InputError lists the names there are."""
+    """Return an effect of the library; InputError says which names are near, or all."""
     if name not in shelf():
-        raise InputError(f"effect {name!r} is unknown; the library has {', '.join(sorted(shelf()))}")
+        alike = sorted(known for known in shelf() if name in known.split("_")) or get_close_matches(name, shelf())
+        there = f"nearest are {', '.join(alike)}" if alike else f"the library has {', '.join(sorted(shelf()))}"
+        raise InputError(f"effect {name!r} is unknown; {there}")
     return shelf()[name]
 
 

@@ -51,7 +51,9 @@ def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], 
     missing = np.flatnonzero(~np.isfinite(time))
     fault = (int(missing[0]), "no time given; every row needs one") if missing.size else time_fault(time)
     if fault is not None:
-        raise InputError(f"{source}, {row_of(fault[0])}, column 'time': {fault[1]}")
+        other = [name for name, column in columns.items() if column.size > 2 and (np.diff(column) > 0.0).all()]
+        swapped = "".join(f"; column {name!r} does: is the header of these two swapped?" for name in other[:1])
+        raise InputError(f"{source}, {row_of(fault[0])}, column 'time': {fault[1]}{swapped}")
     stated = kind or own.get("kind", "").lower()
     try:
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
