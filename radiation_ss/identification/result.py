@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -271,11 +272,13 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
         if abs(row["mean"]) > rules.doubt * row["std"]:
             yield (f"the records ask for {name} {row['mean']:+.1%} +- {row['std']:.1%} off the model's "
                    f"({what[kind]}{tied if kind != 'force' else ''}; tolerance {row['prior_std']:.1%}): check it")
-    far = [f"{name} by {row['moved']:+.2g}" for name, row in parameters.items()
-           if abs(row["moved"]) > rules.contradiction]
+    moved = {name: row["moved"] for name, row in parameters.items() if row["prior_std"] > 0.0}
+    limit = -ndtri(ndtr(-rules.contradiction) / max(len(moved), 1))
+    far = sorted((name for name in moved if abs(moved[name]) > limit), key=lambda name: -abs(moved[name]))
     if far:
-        yield (f"prior and records contradict each other: {', '.join(far)} prior standard deviations; the prior is too "
-               "narrow for this body, or something the model lacks (viscous damping, timing, calibration) went into "
+        yield (f"prior and records contradict each other: {len(far)} of {len(moved)} radiation parameters move beyond "
+               f"{limit:.2g} prior standard deviations, {far[0]} by {moved[far[0]]:+.2g}; the prior is too narrow for "
+               "this body, or something the model lacks (viscous damping, timing, calibration) went into "
                "the parameters, which the bands do not cover")
     if mended:
         yield mended

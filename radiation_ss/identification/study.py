@@ -39,8 +39,8 @@ class Settings:
     least_passive : float
         Share of the posterior that must be passive for the rest to be left out.
     contradiction, doubt : float
-        A warning names a number that moves more than `contradiction` prior standard deviations, a nominal one beyond
-        `doubt` of its own standard deviations.
+        A warning is given where radiation parameters move farther than all of them stay within with the probability of
+        one within `contradiction` prior standard deviations, or a nominal number beyond `doubt` of its own.
     nonlinear, nonlinear_elevation, most_laws : float, float, int
         Chance of a false warning about a nonlinear law, and where all forces come from an elevation (five standard
         deviations: X's error is believed to be smooth); number of laws that are taken into the model.
