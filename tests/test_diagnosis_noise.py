@@ -251,7 +251,7 @@ def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():
     assert found.verdict.status == "no_gap"
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.7])
+@pytest.mark.parametrize("colour", [0.0, 0.7, 0.85])
 def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour):
     """A soft mooring: what the force's sensor adds swings the model far below the waves, and the body not at all."""
     model = rss.body(dof="Surge", mass=2.0e5, added_mass=0.0, C=2.0e3, damping_ratio=0.005)

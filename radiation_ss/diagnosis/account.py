@@ -211,7 +211,7 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
     first, left = F.shape[0] - 2 * model.n, 1.0 - np.arange(run.time.size) / run.time.size
     step = exact_step(F, G, run.dt)
     for j in range(model.n):
-        sd = float(recorded_noise(run, j, np.array([natural_frequency(model, j)]))[0])
+        sd = float(recorded_noise(model, run, j, np.array([natural_frequency(model, j)]))[0])
         if sd > 0.0:
             h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
             total += sd**2 * run.dt**2 * left @ h**2

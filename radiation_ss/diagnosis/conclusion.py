@@ -32,7 +32,6 @@ from radiation_ss.diagnosis.sets import (
     label,
     likely_sets,
     places,
-    too_small,
     unrivalled,
     with_zeros,
     within,
@@ -79,8 +78,7 @@ class Grounds:
     named: tuple[Named, ...]  # Effects that close what matters, stand out, are probable and have no rival
     slow: tuple[Named, ...]  # Slow forces that close what matters
     zeros: tuple[str, ...]  # Motions where a zero is off
-    sets: dict[Names, float]  # Probable sets by name
-    rivals: tuple[Names, ...]  # Those that are not improbable
+    sets: tuple[Names, ...]  # Those that are not improbable by name, the most probable one first
     chance: float  # Probability that all of `named` are there
     none: float  # Probability that no effect is
     worth: float  # Most that a name can be worth, by what is left beside it and by what speaks against it
@@ -89,7 +87,7 @@ class Grounds:
     checked: bool  # Whether unseen records check a name: those of a known force
     matter: bool  # Whether any effect closes what matters
     shrinks: bool  # Whether the gap of unseen records shrinks
-    grows: bool  # Whether it grows
+    grows: bool  # Whether it surely grows
     closes: bool  # Whether little of it is left
     outside: bool  # Whether another effect is left
     plausible: bool  # Whether each nominal number is as near as it may be beside a name
@@ -116,15 +114,14 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     # What zeros of sensors are off by in any record is no drift of the force.
     drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
-    chances = likely_sets(found, rules.credible, rules.told, too_small(found.candidates[0], pair.candidate))
-    sets = {(*told, *(label(dofs, e.name, e.dof) for e in slow)): p for told, p in chances.items()}
-    rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * (ledger.left - 1.0) > rules.matters**2
+    sets = likely_sets(found, 1.0 - rules.credible, rules.told, pair.candidate.keys)
+    rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * ledger.grown > rules.matters**2
     left = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)
     # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
     odd = float(np.sqrt(min(ledger.unexplained, 1.0)) if beside.missed else min(ledger.unexplained, 1.0))
     return Grounds(
-        named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, rules)), sets=sets,
-        rivals=tuple(told for told, p in sets.items() if p >= 1.0 - rules.credible),
+        named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, rules)),
+        sets=tuple((*told, *(label(dofs, e.name, e.dof) for e in slow)) for told in sets),
         chance=joint(found, [(e.name, *places(e.dof)) for e in named]), none=within(found, frozenset()),
         worth=min(1.0 - max(rules.false_alarm, odd, data.contradiction), 1.0 / (1.0 + ledger.against)),
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
@@ -151,32 +148,28 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
     """Return no_gap, effect, ambiguous or unknown_effect with its probability and the sets beside it."""
     first = float(found.probabilities()[0])
     if on.named and not on.checked:  # without a known force nothing checks a name
-        return "ambiguous", min(on.chance, 0.5), tuple(on.sets)
+        return "ambiguous", min(on.chance, 0.5), on.sets
     if on.whole and (on.named or (on.slow and not on.doubtful)) and on.closes and not on.grows:
         sure, told = min(on.chance, on.worth), tuple(label(dofs, e.name, e.dof) for e in (*on.named, *on.slow))
         if on.plausible and sure >= 0.5:
-            return "effect", sure, with_zeros(dofs, told, on.zeros) or (on.rivals if len(on.rivals) > 1 else ())
+            return "effect", sure, with_zeros(dofs, told, on.zeros) or (on.sets if len(on.sets) > 1 else ())
         # What is rather not there than there is no answer; where the coefficients say so, they may be the cause.
         blamed = on.plausible and sure >= 1.0 - on.contradiction
         return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
     if on.doubtful and on.shrinks and (on.closes or not on.outside):
         # Effects of one set that do not stand out beside each other stand for each other.
-        best, *others = on.sets
-        return "ambiguous", first, (best, *others) if others else tuple((one,) for one in best)
+        return "ambiguous", first, on.sets if len(on.sets) > 1 else tuple((one,) for one in on.sets[0])
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
-    if on.surprising and len(on.rivals) > 1:
+    if on.surprising and len(on.sets) > 1:
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
-        return "ambiguous", first, on.rivals
+        return "ambiguous", first, on.sets
     return "no_gap", within(found, found.candidates[0].keys), ()
 
 
 def least_beside(closed: FloatArray, rules: Rules) -> float:
     """Return how much of the motion a zero that is off, or a slow force, accounts for at least to be told."""
     return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
-
-
-
 
 
 def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
@@ -207,18 +200,12 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
     return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
-
 def name(problem: EquationError, active: Active, stds: Sequence[float], chance: float) -> Named:
     """Return an effect with numbers and units."""
     second = active.other or active.dof
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
     values = {n: (v, s) for (n, v), s in zip(active.values.items(), stds) if s > 0.0}
     return Named(active.name, place(active), values, units, chance)
-
-
-
-
-
 
 
 def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:

@@ -62,7 +62,7 @@ def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
         through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
-        own = noise[p.rows] + recorded_noise(run, i, omega) ** 2
+        own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
         rest, square, count = beside_slow(problem, p, residual[p.rows], through)
         # Of the noise, too, each unknown of the slow force takes what a row has.
         mine = np.array([np.sum((residual[p.rows] ** 2 - own) * through),

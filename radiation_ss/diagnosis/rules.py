@@ -34,7 +34,8 @@ class Rules:
     tail : float
         Share of each record, of a decay until it is over, that no fit sees where none is withheld.
     credible : float
-        Probability that the sets told in an ambiguous verdict hold together, as far as `told` sets reach.
+        Told beside the first are sets at least 1 - credible times as probable, and of tolerances one that holds with
+        less than 1 - credible.
     told : int
         Sets told at most.
     refinements : int

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiation_ss.effects import library
-from radiation_ss.inference.candidates import Candidate, Key, Keys
+from radiation_ss.inference.candidates import Key, Keys
 from radiation_ss.inference.search import Found
 
 Names = tuple[str, ...]
@@ -55,24 +55,19 @@ def within(found: Found, keys: Keys) -> float:
     return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
 
 
-def too_small(best: Candidate, kept: Candidate) -> Keys:
-    """Return the effects of a set that close too little to matter, and on the same place what a zero stands for."""
-    small = best.keys - kept.keys
-    alike = {e.name for e in library().values() if e.family == "offset"}
-    return small | {(other, dof, "") for name, dof, _ in small if name in alike for other in alike}
+def likely_sets(found: Found, least: float, most: int, kept: Keys) -> tuple[Names, ...]:
+    """Return sets of names, the first one's candidate the most probable, others if `least` times as probable.
 
-
-def likely_sets(found: Found, share: float, most: int, small: Keys = frozenset()) -> dict[Names, float]:
-    """Return sets of names with their probability, the first one's candidate the most probable; `small` effects untold.
-
-    They hold a share of the probability, as far as so many do.
+    Untold are effects of the first candidate that are not `kept`, and zeros that are off where none of `kept` is: they
+    are no other answer.
     """
+    shifting = {e.name for e in library().values() if e.family == "offset"}
+    small, zeroed = found.candidates[0].keys - kept, {dof for name, dof, _ in kept if name in shifting}
     chances: dict[Names, float] = {}
     for candidate, p in zip(found.candidates, found.probabilities()):
-        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b)
-                              for a, b, c in candidate.keys - small))
+        told = [k for k in candidate.keys - small if k[0] not in shifting or k[1] in zeroed]
+        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b) for a, b, c in told))
         chances[labels] = chances.get(labels, 0.0) + float(p)
-    order = list(chances)
-    order[1:] = sorted(order[1:], key=lambda labels: -chances[labels])
-    needed = 1 + int(np.searchsorted(np.cumsum([chances[labels] for labels in order]), share))
-    return {labels: chances[labels] for labels in order[:min(needed, most)]}
+    first, *others = chances
+    others = [labels for labels in others if chances[labels] >= least * chances[first]]
+    return first, *sorted(others, key=lambda labels: -chances[labels])[: most - 1]

@@ -63,6 +63,8 @@ class Budget(Brief):
         The same for each record and degree of freedom.
     beyond : float
         Gap of the model as given beyond the noise that is expected in each record and degree of freedom.
+    grown : float
+        Share of the gap's energy by which the causes surely make it larger, with 97.5 % probability.
     """
 
     unseen: tuple[str, ...]
@@ -72,16 +74,12 @@ class Budget(Brief):
     rows: tuple[Row, ...]
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
     beyond: float = 0.0
+    grown: float = 0.0
 
     @property
     def unexplained(self) -> float:
         """Share of the gap's energy that nothing explains: without noise, and without zeros that are off."""
         return float(np.clip(sum(row.share for row in self.rows if row.cause == "unexplained"), 0.0, 1.0))
-
-    @property
-    def left(self) -> float:
-        """Share of the gap's energy that stays beside all causes; more than 1 where they make it larger."""
-        return 1.0 - sum(row.share for row in self.rows if row.cause not in ("offset", "unexplained", "noise"))
 
     @property
     def slow(self) -> float:
@@ -201,4 +199,5 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         for e, i, i2 in zip(first, ends[:-1], ends[1:])}
     return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
                   float(np.sqrt(end.sum())), float(np.sqrt(quiet.sum())), rows, by_record,
-                  float(np.sqrt(np.maximum(np.add.reduceat(start, ends[:-1]) - size, 0.0).sum())))
+                  float(np.sqrt(np.maximum(np.add.reduceat(start, ends[:-1]) - size, 0.0).sum())),
+                  max(float(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025)), 0.0))

@@ -131,8 +131,13 @@ def beats(s: Scales) -> tuple[float, ...]:
 
 
 def coupled_share(s: Scales) -> float:
-    """A coupling stiffness whose force is an eighth of the lesser of the two motions' own."""
-    return 0.12 * min(s.force / s.second.x, s.second.force / s.x)
+    """An eighth of the coupling stiffness by which one motion would take all potential energy of the other."""
+    return 0.12 * float(np.sqrt(s.force * s.second.force / (s.x * s.second.x)))
+
+
+def coupled_inertia(s: Scales) -> float:
+    """The coupling inertia by which one motion would take all kinetic energy of the other: none is as large."""
+    return float(np.sqrt(s.mass * s.second.mass))
 
 
 def effects() -> list[Effect]:
@@ -176,10 +181,12 @@ def effects() -> list[Effect]:
                family="stiffness", needs="force", summary="restoring that changes with time: -k cos(w t + phase) x"),
     ]
     inertia = [
-        Effect("added_inertia", {"inertia": P("F/(X/s^2)", lower=lambda s: -s.inertia)},
+        Effect("added_inertia", {"inertia": P("F/(X/s^2)", slab=lambda s: 0.12 * s.mass,
+                                           lower=lambda s: -s.inertia)},
                lambda s, p: -p.inertia * s.a, family="inertia", linear=True,
                summary="mass or added mass that the model lacks: -m a"),
-        Effect("coupling_inertia", {"inertia": P("F/(X/s^2)")},
+        Effect("coupling_inertia", {"inertia": P("F/(X/s^2)", slab=lambda s: 0.12 * coupled_inertia(s),
+                                                 lower=lambda s: -coupled_inertia(s), upper=coupled_inertia)},
                lambda s, p: (-p.inertia * s.other.a, -p.inertia * s.a), scope="pair", family="inertia", linear=True,
                summary="a static moment (centre of gravity) between two degrees of freedom"),
         # Kinetic energy slope x_other v^2 / 2: by Lagrange's equations the motion of the other feels it, too.

@@ -72,6 +72,11 @@ class Scales:
         return self.peak or float(np.sqrt(2.0)) * self.x
 
     @property
+    def mass(self) -> float:
+        """The model's own inertia; if it is not known, force over acceleration."""
+        return self.inertia if np.isfinite(self.inertia) else self.force / self.a
+
+    @property
     def restored(self) -> bool:
         """Whether the model has a restoring force of its own: without one, whatever holds the body is all of it."""
         return self.stiffness != 0.0

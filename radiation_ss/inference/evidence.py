@@ -165,8 +165,8 @@ class Weighing:
         start = vector_of((*numbers.nominal, *(numbers.effects[k] for k in trial.kept)))
         return (about := trial.about(found)), about.start(start)
 
-    def next_to(self, weighed: Weighed, known: Mapping[Keys, Candidate]) -> Iterator[Proposal]:
-        """Yield the sets that differ by one effect and promise most by linear theory."""
+    def next_to(self, weighed: Weighed, known: Mapping[Keys, Candidate]) -> tuple[list[Proposal], list[Proposal]]:
+        """Return the sets that differ by one effect and promise most by linear theory, and rivals with as many."""
         candidate = weighed.candidate
         trial = self.simulation(candidate).with_noise(weighed.noise)
         q = begun(trial, Start(candidate.terms, weighed.numbers, weighed.own))
@@ -177,9 +177,12 @@ class Weighing:
         variants: dict[Keys, list[Neighbour]] = {}
         for new in near:
             variants.setdefault(new.keys, []).append(new)
-        for some in [*variants.values()][: self.rules.beam]:
-            starts = [self.start(trial, new) for new in some[: self.rules.beam]]
-            yield Proposal(self.candidate(some[0].terms, candidate, known), starts)
+        promising = [some for some in variants.values() if some[0].log_odds >= self.fit.promise][: self.rules.beam]
+        rivals = [some for keys, some in variants.items() if len(keys) == len(candidate.keys)][: self.rules.width]
+
+        return ([Proposal(self.candidate(some[0].terms, candidate, known),
+                          [self.start(trial, new) for new in some[: self.rules.beam]]) for some in promising],
+                [Proposal(self.candidate(some[0].terms, candidate, known)) for some in rivals])
 
     def start(self, trial: Trajectories, new: Neighbour) -> Start:
         """Return where the fit of a neighbour of a set begins."""
@@ -219,7 +222,7 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
         first = Trajectories(found.problem, best, tolerance, unexplained=True)
     except InputError:  # steps too short to be made, by numbers that the equation error has found
         return found
-    weighing = Weighing(found, tolerance, Proposing(found.terms, rules, fit.promise, present), fit, first)
+    weighing = Weighing(found, tolerance, Proposing(found.terms, rules, fit.rival, present), fit, first)
     proposed = [best, *(c for c in leaders.values() if c is not best)]
     ranked = climbed(weighing, [Proposal(c) for c in proposed], known)
     whole = replace(found, candidates=tuple(best_first(known)))
@@ -231,7 +234,7 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
 
     `known` takes the sets as the equation error solves them.
     """
-    ranked, tried, extended = list[Weighed](), set[Keys](), set[Keys]()
+    ranked, tried, rivals = list[Weighed](), set[Keys](), dict[Keys, list[Proposal]]()
     while wanted := [p for p in wanted if p.candidate.keys not in tried]:
         for proposal in wanted:
             known.setdefault(proposal.candidate.keys, proposal.candidate)
@@ -239,10 +242,14 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
             new = weighing.weigh(proposal, max((w.log_probability for w in ranked), default=-np.inf))
             ranked += [new] if new else []
         ranked.sort(key=lambda w: -w.log_probability)
-        if not ranked or ranked[0].candidate.keys in extended:
+        if not ranked:
             break
-        extended.add(ranked[0].candidate.keys)
-        wanted = [*weighing.next_to(ranked[0], known), *known_next_to(ranked[0], known, weighing.rules)]
+        best = ranked[0].candidate.keys
+        if best in rivals:  # nothing next to the best set is better: what may stand for one of its effects
+            wanted = rivals[best]
+        else:
+            near, rivals[best] = weighing.next_to(ranked[0], known)
+            wanted = [*near, *known_next_to(ranked[0], known, weighing.rules)] or rivals[best]
     return ranked
 
 

@@ -29,7 +29,7 @@ from radiation_ss.inference.readings import (
     typical,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import bridged
+from radiation_ss.records.signals import bridged, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely, unsure_edge
 
@@ -237,11 +237,16 @@ def start_slopes(raw: FloatArray, dt: float, omega: FloatArray) -> FloatArray:
     return slopes if better > 0.0 else np.zeros_like(slopes)
 
 
-def recorded_noise(run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
+def recorded_noise(model: Model, run: MeasuredMotion, i: int, at: FloatArray) -> FloatArray:
     """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
     if run.force is None or run.prescribed or not np.any(run.force[i]):
         return np.zeros_like(at)
-    return coloured_noise(run.force[i], run.dt, run.omega[i], at)
+    values, step, recorded = run.force[i], run.dt, run.record.get("force", [model.dofs[i]])
+    if recorded is not None:  # readings as they are: between them there is no noise of high frequency
+        time = run.record.time
+        step = float(np.median(np.diff(time)))
+        values = whole(time, recorded[0], np.arange(time[0], time[-1] + 0.5 * step, step))
+    return np.asarray(coloured_noise(values, step, run.omega[i], at) * np.sqrt(step / run.dt))
 
 
 def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:
@@ -251,7 +256,7 @@ def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:
     they make of one block and the next are not independent.
     """
     omega, time = narrow_resonance(model, run, i), run.time - run.time[0]
-    size = np.sqrt(2.0 / time.size) * recorded_noise(run, i, omega)[:, None]
+    size = np.sqrt(2.0 / time.size) * recorded_noise(model, run, i, omega)[:, None]
     found = np.concatenate([size * wave(omega[:, None] * time) for wave in (np.cos, np.sin)])
     return np.asarray(found[np.any(found, axis=1)])
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import welch
+from scipy.signal import periodogram, welch
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -219,19 +219,27 @@ def spectra(values: FloatArray, dt: float, omega: float, segments: int
 def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, segments: int = 8) -> FloatArray:
     """Return the standard deviations a sample of white noise as strong as a signal's at frequencies `at` [rad/s].
 
-    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), that fits the spectrum's logarithm far above the motion
-    best, and nowhere more than the signal itself.
+    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), by the spectrum far above the motion: the mean of all
+    colours, each as probable as it fits the logarithms, for many may fit. Nowhere more than the signal itself shows
+    within half an octave to either side.
     """
-    frequency, power, (high, far), middle = spectra(values, dt, omega, segments)
+    _, _, (high, far), middle = spectra(values, dt, omega, segments)
     if not far.size or not np.all(far > 0.0):
         return np.zeros_like(at)
-    def shape(c: float, w: FloatArray) -> FloatArray:
-        return 1.0 / (1.0 - 2.0 * c * np.cos(w * dt) + c * c)
+    colours = np.linspace(0.0, 0.95, 20)
 
-    colour = min(np.linspace(0.0, 0.95, 20), key=lambda c: float(np.var(np.log(far / shape(c, high)))))
-    level = float(np.median(far / shape(colour, high))) / middle
-    density = np.minimum(level * shape(colour, at), np.interp(at, frequency, power))
-    return np.asarray(np.sqrt(density / (2.0 * dt)))
+    def shape(w: FloatArray) -> FloatArray:
+        return np.asarray(1.0 / (1.0 - 2.0 * np.outer(colours, np.cos(w * dt)) + colours[:, None] ** 2))
+
+    flat = far / shape(high)
+    # A mean of k squares of two normal numbers has a logarithm of variance 1 / k; under Hann's window bins go in pairs.
+    fits = -0.25 * segments * high.size * np.var(np.log(flat), axis=1)
+    density = np.exp(fits - fits.max()) @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle
+    density /= np.exp(fits - fits.max()).sum()
+    frequency, power = periodogram(values, 1.0 / dt, "hann")
+    near = np.abs(np.log2(np.maximum(2.0 * np.pi * frequency, 1e-300) / at[:, None])) <= 0.5
+    shown = near @ power / np.maximum(near.sum(axis=1), 1)
+    return np.asarray(np.sqrt(np.where(near.any(axis=1), np.minimum(density, shown), density) / (2.0 * dt)))
 
 
 def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
