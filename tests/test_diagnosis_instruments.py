@@ -74,7 +74,7 @@ def test_a_zero_that_all_records_share_is_told_where_the_force_is_far_larger_tha
 
 
 @pytest.mark.parametrize("late", [0.1, 1.2])
-def test_a_delay_is_named_however_large_it_is(late):
+def test_a_delay_is_told_however_large_it_is(late):
     """The period is 3.5 s: of 1.2 s the slope at none tells as little as that of a cosine a third of its period on.
 
     One sensor, one force: whose clock is late is told by the motion before the record alone, so either name is right.
@@ -86,9 +86,9 @@ def test_a_delay_is_named_however_large_it_is(late):
         records.append(rss.Record(time[:-20], {"Heave": (x + 2e-3 * x.std() * rng.normal(size=x.size))[:-20],
                                                "Heave_force": told}, kind="forced", name=f"sea {seed}"))
     found = rss.diagnose(MODEL, records[0], withhold=records[1])
-    effect, = found.verdict.effects
-    assert effect.name in ("excitation_delay", "sensor_delay")
-    value, std = effect.parameters["delay"]
+    sets = found.verdict.indistinguishable or [[effect.name for effect in found.verdict.effects]]
+    assert set(sets[0]) <= {"excitation_delay", "sensor_delay"} >= set(sets[-1])
+    value, std = next(row.parameters["delay"] for row in found.budget.rows if row.cause in sets[0])
     assert abs(value - late) < 3.0 * std < 0.05  # s
 
 
