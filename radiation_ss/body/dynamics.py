@@ -206,9 +206,9 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
 
     With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. What is small
     beside the largest K may be large for a slow motion, so the fit is made again, unless that costs `dearest` times
-    the relative error: with K(0) = 0 where it damps a motion without stiffness more at rest than the file does at its
-    lowest frequency (a mooring holds such a motion far below the waves), and exact at natural frequencies where it
-    misses more than the share `least` of the inertia's impedance.
+    the relative error: with K(0) = 0 where it damps a motion slower than the file more than the file does at its lowest
+    frequency (moored, or without stiffness: a mooring holds such a motion far below the waves), and exact at natural
+    frequencies where it misses more than the share `least` of the inertia's impedance.
     """
     from radiation_ss.fit.radiation import fit_radiation
 
@@ -225,8 +225,8 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
     def ways() -> Iterator[tuple[dict[str, object], tuple[int | None, ...], str]]:
         """Yield how the fit that there is should be made again: options, orders, a note."""
         if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
-            yield ({"at_zero": "zero"}, (fit.order,), f"K(0) = 0: nothing restores {', '.join(loose)}, and the closest "
-                   "fit damps slow motions there more than the file does")
+            yield ({"at_zero": "zero"}, (fit.order,), "K(0) = 0: slower than the file's lowest frequency: "
+                   f"{', '.join(loose)}, damped more there by the closest fit than in the file")
         if options.get("points") is None and (missed := missed_swings(data, fit, least)):
             where = ", ".join(f"{omega:.3g}" for omega in missed)
             yield ({"points": missed}, orders if order is not None else (fit.order, 8), "made exact at the natural "
@@ -249,11 +249,16 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
 
 
 def damped_at_rest(data: HydroData, fit: RadiationFit) -> list[str]:
-    """Return the motions without stiffness that a fit damps more at rest than the file does at its lowest frequency."""
-    assert data.C is not None
-    at_rest = np.diag(fit.frequency_response(np.zeros(1))[0].real)
-    return [dof for i, dof in enumerate(data.dofs)
-            if data.C[i, i] == 0.0 and at_rest[i] > max(float(data.B[0, i, i]), 0.0)]
+    """Return the motions slower than the file that a fit damps more than the file does at its lowest frequency.
+
+    Slower: without stiffness, at rest, or with a natural frequency below that of the file.
+    """
+    assert data.M is not None and data.C is not None
+    stiffness = np.diag(data.C)
+    omega = np.sqrt(np.maximum(stiffness, 0.0) / np.diag(data.M + data.A[0]))
+    damping = np.einsum("jjj->j", fit.frequency_response(omega).real)
+    return [dof for i, dof in enumerate(data.dofs) if 0.0 <= stiffness[i] and omega[i] < data.omega[0]
+            and damping[i] > max(float(data.B[0, i, i]), 0.0)]
 
 
 def missed_swings(data: HydroData, fit: RadiationFit, least: float) -> list[float]:
