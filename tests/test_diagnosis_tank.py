@@ -116,6 +116,8 @@ def test_what_is_absent_is_not_named_and_what_is_present_is_in_every_set(two):
     assert all("quadratic_drag" in {e.name for e in c.effects} for c in told.which)
     with pytest.raises(rss.InputError, match="absent and present"):
         rss.diagnose(model, records, absent=["quadratic_drag"], present=["quadratic_drag"])
+    with pytest.raises(rss.InputError, match="quadratic_drag: among the effects to consider, and said to be absent"):
+        rss.diagnose(model, records, ["quadratic_drag"], absent=["quadratic_drag"])
 
 
 def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):

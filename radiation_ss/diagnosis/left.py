@@ -21,7 +21,7 @@ from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.rows import Place, force_noise
+from radiation_ss.inference.rows import Place, force_noise, projected
 from radiation_ss.records.record import Record
 
 
@@ -50,8 +50,11 @@ def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
     return slab(effect_named(DRIFT), "frequency", scales).upper
 
 
-def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
-    """Return what is left of the force in some records, beside noise and tolerances."""
+def left(problem: EquationError, candidate: Candidate, tolerance: float, rules: Rules) -> Left:
+    """Return what is left of the force in some records, beside noise and tolerances.
+
+    `tolerance`: relative standard deviation of a force that the model makes of the elevation, at each frequency.
+    """
     rows, residual = problem.rows, left_by(problem, candidate, known=True)
     # No less than far above the motion: what is less in its band went to the force.
     noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
@@ -63,6 +66,8 @@ def left(problem: EquationError, candidate: Candidate, rules: Rules) -> Left:
         through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
         own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
+        if run.force is not None and run.record.kind == "waves" and run.record.get("force", problem.model.dofs) is None:
+            own = own + (tolerance * projected(problem.model, run, p, run.force)) ** 2
         rest, square, count = beside_slow(problem, p, residual[p.rows], through)
         # Of the noise, too, each unknown of the slow force takes what a row has.
         mine = np.array([np.sum((residual[p.rows] ** 2 - own) * through),
@@ -111,9 +116,10 @@ class Remainder:
 
 def remainder(problem: EquationError, candidate: Candidate, data: Data, rules: Rules) -> Remainder:
     """Return what is left in the records of the fit and, the set's numbers fitted to them, in those withheld."""
-    found = [left(problem, candidate, rules)]
+    tolerance = data.tolerated["force"]
+    found = [left(problem, candidate, tolerance, rules)]
     if data.withheld is not None:
-        found.append(left(data.withheld, carried(candidate, data.withheld, rules), rules))
+        found.append(left(data.withheld, carried(candidate, data.withheld, rules), tolerance, rules))
     whole, beside = (np.array([getattr(part, f) for part in found]) for f in ("whole", "beside"))
     fast = np.array([part.fast for part in found])
     slow = whole.all(axis=0) & ~fast.any(axis=0) & data.drifts
