@@ -264,15 +264,20 @@ def sentence(found: Diagnosis) -> str:
     return told + "."
 
 
-def also(found: Diagnosis) -> str:
-    """Return what is said of the sets beside the named one: a zero that is off, or less probable effects."""
+def also(found: Diagnosis, most: int = 2) -> str:
+    """Return what is said of the sets beside the named one: a zero that is off, or less probable effects.
+
+    Of these `most` are told, the others counted.
+    """
     named, sets = {label(found.dofs, e.name, e.dof) for e in found.verdict.effects}, found.verdict.indistinguishable
     others = [s for s in sets if set(s) != named]
     more = [" + ".join(part for part in s if part not in named) for s in others]
     if len(others) == len(sets) and all(part.partition(" on ")[0] in zeros() for part in more):
         return f"beside it a zero is off: {' or '.join(more)}"
-    told = (f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
-            for s, rest in zip(others, more))
+    told = [f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
+            for s, rest in zip(others, more)]
+    left = len(told) - most
+    told = [*told[:most], f"{left} more set{'s' * (left > 1)}"] if left > 0 else told
     return f"less sure: {' or '.join(told)}"
 
 
