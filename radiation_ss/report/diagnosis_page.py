@@ -234,8 +234,13 @@ def sentence(found: Diagnosis) -> str:
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
     noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
-    shrunk = (f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}"
-              if found.budget.unseen else "no force is known, so that nothing predicts unseen data")
+    first = " with the first" if v.status == "ambiguous" else ""
+    shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}{first}"
+    if not found.budget.unseen:
+        shrunk = "no force is known, so that nothing predicts unseen data"
+    elif h.noise_floor > 0.9 * h.gap_before:
+        shrunk = (f"unseen data are too faint to check it: of their gap of {h.gap_before:.1%} noise makes "
+                  f"{h.noise_floor:.1%}")
     if v.status == "no_gap":
         told = within_tolerance(found)
     elif v.status == "effect":
@@ -251,7 +256,7 @@ def sentence(found: Diagnosis) -> str:
                 "and how far each motion goes with the others; a decay, held until its release or not, needs "
                 f"`# kind: decay`; else measure {v.next_record}")
     elif v.status == "ambiguous":
-        told = f"{alternatives(v.indistinguishable)}; {shrunk}{' with the first' if found.budget.unseen else ''}"
+        told = f"{alternatives(v.indistinguishable)}; {shrunk}"
     elif any(r.beyond > found.rules.plausible for r in found.recalibrated):
         told = ("A gap that no effect explains unless the model's own numbers are far beyond their tolerances: with "
                 f"them {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}")
