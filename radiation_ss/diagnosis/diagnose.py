@@ -191,12 +191,12 @@ def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Seq
         raise InputError(f"effects: {next(n for n in names if names.count(n) > 1)!r} is there twice")
     for name in set(absent) - set(names):
         effect_named(name)
-    asked = {e if isinstance(e, str) else e.name for e in effects or ()} & set(absent)
-    if asked:
-        raise InputError(f"effect {min(asked)}: among the effects to consider, and said to be absent")
     both = sorted(set(absent) & set(present))
     if both:
         raise InputError(f"effect {both[0]}: said to be absent and present")
+    asked = {e if isinstance(e, str) else e.name for e in effects or ()} & set(absent)
+    if asked:
+        raise InputError(f"effect {min(asked)}: among the effects to consider, and said to be absent")
     return [e for e in chosen if e.name not in absent]
 
 
