@@ -5,6 +5,7 @@ import pytest
 from fit_systems import data_of, random_passive
 from scipy.integrate import odeint, solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 from scipy.signal import lfilter
 
 import radiation_ss as rss
@@ -297,6 +298,28 @@ def test_a_coupled_added_mass_is_off_by_what_the_motions_own_are_however_small_i
 
     found = rss.diagnose(model, [record(1), record(2)], withhold=record(3))
     assert {e.name for e in found.verdict.effects} == names
+
+
+def test_a_coupled_inertia_is_found_whatever_the_sizes_of_the_motions():
+    """A slow, large surge and a quick, small heave let go; the truth by the matrix exponential."""
+    M, C, D, lacking = np.diag([11.0, 13.0]), np.diag([11.6, 800.0]), np.diag([0.5, 20.0]), -4.0
+    rigid = rss.RadiationFit(("Surge", "Heave"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = rss.Model(("Surge", "Heave"), M, 0.0 * M, C, rigid, D=D)
+    inverse = np.linalg.inv(M + np.array([[0.0, lacking], [lacking, 0.0]]))
+    step = expm(0.05 * np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ C, -inverse @ D]]))
+
+    def decay(surge, heave, seed):
+        states, rng = [np.array([surge, heave, 0.0, 0.0])], np.random.default_rng(seed)
+        while len(states) < 800:
+            states.append(step @ states[-1])
+        x = np.array(states)[:, :2].T
+        read = x + 0.005 * x.std(axis=1)[:, None] * rng.normal(size=x.shape)
+        return rss.Record(0.05 * np.arange(800), {"Surge": read[0], "Heave": read[1]}, kind="decay", name=f"d{seed}")
+
+    found = rss.diagnose(model, [decay(0.4, 0.0, 0), decay(0.2, 0.02, 1)], withhold=decay(0.3, -0.02, 2))
+    (effect,) = found.verdict.effects
+    value, deviation = effect.parameters["inertia"]
+    assert effect.name == "coupling_inertia" and abs(value - lacking) < 3.0 * deviation < 1.2
 
 
 @pytest.mark.parametrize("seed", range(3))
