@@ -38,7 +38,7 @@ def spent():
 @contextmanager
 def cluster(count, folder):
     """Yield a client of a scheduler with so many workers; end them all."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "benchmarks")])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "benchmarks"), *sys.path[1:]])}
     where, quiet = str(folder / f"scheduler{count}.json"), {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     python = [sys.executable, "-m"]
     commands = [[*python, "distributed.cli.dask_scheduler", "--host", "tcp://127.0.0.1", "--port", "0",
@@ -50,7 +50,7 @@ def cluster(count, folder):
     try:
         for command in commands:
             processes.append(subprocess.Popen(command, cwd=folder, env=environment, **quiet))
-            while not Path(where).exists():
+            while not Path(where).exists() and processes[-1].poll() is None:
                 time.sleep(0.1)
         with Client(scheduler_file=where, timeout=120) as client:
             client.wait_for_workers(count, timeout=120)

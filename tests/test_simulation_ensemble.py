@@ -52,8 +52,18 @@ def test_parameters_starts_and_forces_are_shared_where_there_is_one():
     assert np.allclose(found.final[1], 2.0 * found.final[0])
 
 
+def test_batches_give_the_same_motions():
+    model, rng = tank_model(), np.random.default_rng(1)
+    force, start = 20.0 * rng.standard_normal((7, 1, TIME.size)), 0.01 * rng.standard_normal((7, 5))
+    whole, parts = (simulate_ensemble(model, TIME, force, start=start, batch=batch) for batch in (7, 3))
+    assert whole.peak == pytest.approx(parts.peak, rel=1e-9)
+    assert np.allclose(whole.final, parts.final, atol=1e-9 * np.abs(whole.final).max())
+
+
 @pytest.mark.parametrize("arguments, word", [
-    ({"force": np.zeros((3, 2, TIME.size))}, "force: shape"), ({"parameters": np.zeros((3, 2))}, "parameters: shape"),
+    ({"force": np.zeros((3, 2, TIME.size))}, "force: shape"), ({"batch": 0}, "batch: 0 members"),
+    ({"force": np.zeros((3, 1, TIME.size)), "start": np.zeros((2, 5))}, "start: 2 members found, 1 or 3 needed"),
+    ({"parameters": np.zeros((3, 2))}, "parameters: shape"),
     ({"backend": "fortran"}, "backend: 'fortran' is unknown"),
     ({"effects": [("sensor_delay", {"delay": 0.1})]}, "neither waves, speed, sensors nor delays")])
 def test_what_does_not_fit_is_named(arguments, word):

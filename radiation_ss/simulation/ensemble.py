@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
@@ -24,6 +24,7 @@ from radiation_ss.simulation.equations import MotionEquations
 
 Watched = tuple[Any, Any, Any]  # states, peaks of the displacements, sums of their squares; members as columns
 Step = Callable[[Watched, Any, Any, Any, Any], Watched]
+Run = Callable[[FloatArray, FloatArray, FloatArray], Watched]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +38,36 @@ class EnsembleMotion:
     final: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What each step takes of a force: `weights` (steps, 3, width) on its samples from `first` on give the cubic spline
+    at start, middle and end, at the times (steps, 3).
+    """
+
+    first: NDArray[np.int64]
+    weights: FloatArray
+    time: FloatArray
+
+    @classmethod
+    def of(cls, time: FloatArray, substeps: int, width: int = 32) -> Steps:
+        """Return the steps between uniform samples.
+
+        A sample's share in a spline falls by 2 + sqrt(3) from knot to knot: at half the width it is 1e-9.
+        """
+        width = min(width, time.size)
+        at = (np.arange(substeps * (time.size - 1))[:, None] + np.array([0.0, 0.5, 1.0])) / substeps
+        first = np.clip(at[:, 0].astype(int) + 1 - width // 2, 0, time.size - width)
+        weights = CubicSpline(np.arange(width), np.eye(width))(at - first[:, None])
+        return cls(first, weights, time[0] + at * (time[-1] - time[0]) / (time.size - 1))
+
+
 @accepting(model=as_model)
 def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: Iterable[Any] = (), *,
                       parameters: ArrayLike | None = None, start: ArrayLike | None = None, substeps: int = 1,
-                      backend: str = "numpy") -> EnsembleMotion:
+                      backend: str = "numpy", batch: int = 100_000) -> EnsembleMotion:
     """Simulate many members of a model with effects by the integrator of `simulate`, all at the same steps.
 
-    Memory grows with members times samples: the force. Call it for one batch of members after another.
+    Between its samples the force is a cubic spline. A device holds the force of one batch at a time.
 
     Parameters
     ----------
@@ -62,6 +86,8 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
         Steps of the integrator to a sample.
     backend : str
         "numpy", or "jax": on the accelerator that JAX finds, in double precision (`pip install radiation_ss[jax]`).
+    batch : int
+        Members that are stepped at a time. JAX compiles once for all batches of one size.
 
     Raises
     ------
@@ -86,20 +112,27 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     for label, value, width in (("parameters", p, equations.np), ("start", s, equations.ns)):
         if value.ndim != 2 or value.shape[1] != width:
             raise InputError(f"{label}: shape {value.shape} found, (members, {width}) needed")
-    members = max(len(p), len(s), len(u) if u.ndim == 3 else 1)
-    fine = times[0] + 0.5 * h * np.arange(2 * substeps * (times.size - 1) + 1)
-    drive = np.atleast_3d(np.moveaxis(CubicSpline(times, u, axis=-1)(fine), (-1, -2), (0, 1)))  # (halves, n, members)
-    state = np.broadcast_to(s.T, (equations.ns, members))
+    u = u if u.ndim == 3 else u[None]
+    members = max(len(p), len(s), len(u))
+    for label, count in (("force", len(u)), ("parameters", len(p)), ("start", len(s))):
+        if count not in (1, members):
+            raise InputError(f"{label}: {count} members found, 1 or {members} needed")
+    runs: dict[str, Callable[[Step, Steps, slice], Run]] = {"numpy": numpy_run, "jax": jax_run}
+    if backend not in runs:
+        raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
+    if batch < 1:
+        raise InputError(f"batch: {batch} members at a time; at least 1 is needed")
     F = np.zeros((equations.ns, equations.ns))
     F[:equations.ns - equations.own, :equations.ns - equations.own] = model.matrices()[0]
     moving = slice(model.fit.states, model.fit.states + model.n)
     step = lawson(Compiled(_beyond(equations)), expm(0.5 * h * F), h, moving)
-    run = {"numpy": run_numpy, "jax": run_jax}.get(backend)
-    if run is None:
-        raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
-    moved = state[moving]
-    final, peak, square = run(step, (np.array(state), np.abs(moved), np.zeros(moved.shape)), drive, fine, p.T)
-    return EnsembleMotion(peak.T, np.sqrt(square.T / (substeps * (times.size - 1))), final.T)
+    run = runs[backend](step, Steps.of(times, substeps), moving)
+    found = []
+    for at in range(0, members, batch):
+        state, forces, numbers = (values[at:at + batch] if len(values) > 1 else values for values in (s, u, p))
+        found.append(run(np.broadcast_to(state.T, (equations.ns, min(batch, members - at))), forces, numbers.T))
+    final, peak, square = (np.concatenate(parts, axis=1).T for parts in zip(*found))
+    return EnsembleMotion(peak, np.sqrt(square / (substeps * (times.size - 1))), final)
 
 
 def _beyond(equations: MotionEquations) -> ca.Function:
@@ -139,26 +172,41 @@ def lawson(rates: Compiled, half: FloatArray, h: float, moving: slice) -> Step:
     return step
 
 
-def run_numpy(step: Step, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
-    """Return final states, peaks and sums of squares of the displacements after each step."""
-    with np.errstate(all="ignore"):
-        for k in range(0, len(time) - 2, 2):
-            start = step(start, drive[k:k + 3], time[k:k + 3], p, np)
-    return start
+def numpy_run(step: Step, steps: Steps, moving: slice) -> Run:
+    """Return what steps a batch of members from states (ns, members), forces (members, n, nt) and parameters."""
+    def run(state: FloatArray, forces: FloatArray, p: FloatArray) -> Watched:
+        samples, width = np.ascontiguousarray(forces.transpose(2, 1, 0)), steps.weights.shape[2]
+        watched = state, np.abs(state[moving]), np.zeros_like(state[moving])
+        with np.errstate(all="ignore"):
+            for first, weights, time in zip(steps.first, steps.weights, steps.time):
+                watched = step(watched, np.tensordot(weights, samples[first:first + width], 1), time, p, np)
+        return watched
+
+    return run
 
 
-def run_jax(step: Step, start: Watched, drive: FloatArray, time: FloatArray, p: FloatArray) -> Watched:
-    """Return what `run_numpy` returns, by one compiled loop on JAX's default device."""
+def jax_run(step: Step, steps: Steps, moving: slice) -> Run:
+    """Return what does the same by one compiled loop on JAX's default device."""
     try:
         import jax
     except ImportError:
         raise InputError("backend: jax is not installed; pip install radiation_ss[jax]") from None
-    jnp = jax.numpy
-    with jax.enable_x64(True):
-        numbers = jnp.asarray(p)
-        parts = [jnp.stack([jnp.asarray(values[k:len(time) - 2 + k:2]) for k in range(3)], axis=1)
-                 for values in (drive, time)]
-        found, _ = jax.jit(lambda carry, now: jax.lax.scan(
-            lambda before, at: (step(before, at[0], at[1], numbers, jnp), None), carry, now))(
-                tuple(map(jnp.asarray, start)), tuple(parts))
-        return tuple(map(np.asarray, found))  # type: ignore[return-value]
+    jnp, width = jax.numpy, steps.weights.shape[2]
+
+    @jax.jit
+    def compiled(state: Any, forces: Any, p: Any) -> Watched:
+        samples = forces.transpose(2, 1, 0)
+
+        def one(watched: Watched, now: Any) -> tuple[Watched, None]:
+            first, weights, time = now
+            drive = jnp.tensordot(weights, jax.lax.dynamic_slice_in_dim(samples, first, width), 1)
+            return step(watched, drive, time, p, jnp), None
+
+        start = state, jnp.abs(state[moving]), jnp.zeros_like(state[moving])
+        return jax.lax.scan(one, start, (steps.first, steps.weights, steps.time))[0]  # type: ignore[no-any-return]
+
+    def run(*batch: FloatArray) -> Watched:
+        with jax.enable_x64(True):
+            return tuple(map(np.asarray, compiled(*map(jnp.asarray, batch))))  # type: ignore[return-value]
+
+    return run
