@@ -95,8 +95,7 @@ def made_folder(path: str | Path) -> Path:
 def folder_written_whole(path: str | Path, beside: str | Path | None = None) -> Iterator[Path]:
     """Give a folder to write to, below `beside`; after the block it becomes `path`, after an error nothing does.
 
-    Where `path` is there already its content goes in, and other files stay; where the system has locks, two processes
-    do not mix their files. `beside`: the folder that holds `path`, if absent.
+    Where `path` is there already its content goes in; two processes do not mix their files where the system has locks.
     """
     folder = Path(path)
     with _named(path, "no folder can be made there"):

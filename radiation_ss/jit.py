@@ -61,10 +61,7 @@ def _stamp(function: Callable) -> tuple[tuple[str, int, int], ...]:
 
 
 def _cached(function: Callable, options: dict[str, Any]) -> Any:
-    """Return the compiled function with its cache on disk.
-
-    RuntimeError if there is no folder that the cache can be written to.
-    """
+    """Return the compiled function with its cache on disk; RuntimeError without a folder to write that to."""
     compiled, kept = numba.njit(**options)(function), FunctionCache(function)
     file = kept._cache_file
     kept._cache_file = CheckedFile(file._cache_path, file._index_name.removesuffix(".nbi"),

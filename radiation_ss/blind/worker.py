@@ -73,10 +73,7 @@ def unfinished(folder: Path, tasks: Sequence[str]) -> list[str]:
 
 
 def carry_out_one(folder: Path, task: str, tolerance: float) -> str:
-    """Do one task, "003" or, told the effect's name, "003:quadratic_drag"; return its status in one line.
-
-    Whatever goes wrong is this case's error, for it must not lose the others.
-    """
+    """Do one task, "003" or, told the effect's name, "003:quadratic_drag"; any failure becomes the case's status."""
     name, _, told = task.partition(":")
     case, out = folder / "cases" / name, result_file(folder, task)
     made_folder(out.parent)
@@ -96,10 +93,7 @@ def result_file(folder: Path, task: str) -> Path:
 
 
 def diagnosed(case: Path, out: Path, told: str, tolerance: float, result: dict[str, Any]) -> str:
-    """Diagnose a case, maybe told its effect's name, put predictions and seconds into the result; return a status.
-
-    The report and the corrected model are written beside `out`.
-    """
+    """Diagnose a case, maybe told its effect's name, put predictions and seconds into the result; return a status."""
     import radiation_ss as rss
 
     model = rss.read_model(case / "MODEL.nc")

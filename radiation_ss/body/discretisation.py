@@ -195,11 +195,8 @@ def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexA
 
 
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
-    """Return the largest singular value of the difference over that of the exact response, shape (nw,).
-
-    Signals of different units are brought to one scale first: outputs and inputs are divided so that the largest value
-    in each row and each column is one. Entries are not scaled one by one: those that are zero but for rounding count
-    as zero.
+    """Return the largest singular value of the difference over that of the exact response, shape (nw,), after rows and
+    columns are divided by their largest value: signals of different units count alike.
     """
     size = np.abs(exact).max(axis=0)
     scale = np.ones_like(size)
@@ -218,10 +215,8 @@ def hermitian_floor(K: ComplexArray) -> float:
 
 
 def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band: float, seed: int) -> float:
-    """Return the relative rms error of the sampled response against the convolution integral.
-
-    The input is a sum of 40 random sines up to `band`, known at all times and zero at the start (so that all methods
-    start from the same state); the integral is done by the trapezoidal rule on steps of dt / 16.
+    """Return the relative rms error of the sampled response to 40 random sines up to `band` against the convolution
+    integral by the trapezoidal rule on steps of dt / 16.
     """
     from scipy.signal import dlsim, fftconvolve
 

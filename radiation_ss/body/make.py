@@ -234,10 +234,7 @@ def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit 
 
 def _shared_out(total: float, M: float | None, A: float | None, C: float, said: str,
                 most: float = 30.0) -> tuple[float, float]:
-    """Return M and A_inf of an inertia in all, one of them known at most; InputError where that is more than all.
-
-    A warning where the added inertia is more than `most` times the body's.
-    """
+    """Return M and A_inf of an inertia in all; warns where the added one is more than `most` times the body's."""
     known = M if M is not None else A or 0.0
     if total < known or (M is None and total == known):
         least = 2.0 * np.pi * np.sqrt(known / C)

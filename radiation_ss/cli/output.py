@@ -102,10 +102,7 @@ def _check_writable(folder: Path, path: Path) -> None:
 
 @contextmanager
 def progress_bar(args: argparse.Namespace, what: str = "") -> Iterator[Tell | None]:
-    """Yield a callable(text, share) that tells of progress; None where nobody is watching.
-
-    `args`: with `quiet` and `verbose`. `what`: of work whose share is unknown: shown as long as it runs.
-    """
+    """Yield a callable(text, share) that tells of progress of `what`; None where nobody is watching."""
     if args.verbose:
         yield log_stages(what)
         return

@@ -160,10 +160,7 @@ def write_matlab(fit: RadiationFit, path: Path) -> None:
 
 
 def read_matlab(path: Path) -> RadiationFit:
-    """Read a .mat or .npz: `write_matlab`'s A, B, C, or MSS's Ar, Br, Cr by entry.
-
-    InputError if neither is there.
-    """
+    """Read a .mat or .npz: `write_matlab`'s A, B, C, or MSS's Ar, Br, Cr by entry; InputError without either."""
     content: dict[str, Any] = dict(read_arrays(path)) if path.suffix == ".npz" else read_mat(path)
     if {"A", "B", "C", "dofs"} <= set(content):
         A_inf = content.get("A_inf", np.zeros((0, 0)))

@@ -166,9 +166,7 @@ class BankRun(NamedTuple):
 
 
 def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
-    """Return the bank of plants (F, G, H, J) with motion as outputs; noise (4, n): the sensors', NaN where there is
-    none.
-    """
+    """Return the bank of plants (F, G, H, J) with motion as outputs; noise (4, n): the sensors', NaN for none."""
     base, n = systems[0][1].shape
     if len({F.shape for F, *_ in systems}) > 1:
         raise SolverError("plant: its number of states changes with the parameters")
@@ -245,12 +243,10 @@ def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
 
 def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
                 passes: int = 10, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
-    """Filter a record on a plant with named uncertain parameters; of the settings seed, n_ensemble, gate and noise
-    count.
+    """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
 
-    With `smooth` the force is that by all of the record. At most `passes` Gauss-Newton steps, tangents `near` prior
-    standard deviations apart, ended by one of `settled` posterior ones. Where the plant does not explain the record,
-    its information counts by `information_share`.
+    At most `passes` Gauss-Newton steps, tangents `near` prior standard deviations apart, ended by one of `settled`
+    posterior ones. Where the plant does not explain the record, its information counts by `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)

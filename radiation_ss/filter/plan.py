@@ -136,10 +136,8 @@ def longest_step(parts: Subsystems, model: Model, theta: FloatArray, reach: floa
 
 
 def start_covariance(fit: RadiationFit, scales: SignalScales, force: ForceModel) -> FloatArray:
-    """Return the state's covariance before the first sample: radiation states, motion, force states.
-
-    Motion within three of its standard deviations; the others as a harmonic velocity of the motion's size leaves them
-    (5).
+    """Return the state's covariance before the first sample: motion within three of its standard deviations, radiation
+    states as a harmonic velocity of the motion's size leaves them (5), force states.
     """
     speed, radiation = scales.motion * scales.omega, np.zeros(fit.states)
     for k, w in enumerate(scales.omega):

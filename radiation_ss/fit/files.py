@@ -26,19 +26,8 @@ def foreign(action: str, suffix: str) -> Callable[..., Any]:
 
 
 def write_fit(fit: RadiationFit, path: str | Path) -> Path:
-    """Write a fit; the suffix says how.
-
-    Parameters
-    ----------
-    path : path
-        .json (this package's own form), .ss (OpenFAST, HydroDyn's state-space radiation: the force -K v), .h5 (BEMIO's
-        state_space groups; an existing file keeps all else, and must have the density of the fit's data) or .mat (A,
-        B, C).
-
-    Raises
-    ------
-    InputError
-        If the suffix is unknown.
+    """Write a fit as the suffix says: .json (own form), .ss (OpenFAST's, the force -K v), .h5 (BEMIO's state_space; an
+    existing file keeps all else and must have the density of the fit's data) or .mat (A, B, C).
     """
     target = Path(path)
     if target.suffix == ".json":

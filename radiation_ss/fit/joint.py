@@ -64,9 +64,8 @@ def fit_joint(problem: Problem, order: int, search: Search) -> tuple[FloatArray,
 
 
 def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
-    """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`.
-
-    The eigenvectors of one combination of all samples lie in the parts: each sample commutes with the symmetry.
+    """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`: the
+    eigenvectors of one combination of all samples lie in them.
     """
     samples = np.concatenate([problem.whole(problem.K), problem.whole(problem.K_points)])
     share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
@@ -113,10 +112,7 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
 
 
 def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool) -> Start:
-    """Return the model that is best at all samples: what more states gain at the fitted ones they may lose between.
-
-    Where samples were left out every order goes on with more of them: which of two is better then, it is not before.
-    """
+    """Return the model that is best at all samples; what more states gain at thinned ones they may lose between."""
     for n in orders:
         if n not in search.known or n == orders[-1]:
             search.known[n] = _sized(problem.thinned(), n, motions, search, large)

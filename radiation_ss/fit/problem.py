@@ -62,10 +62,7 @@ class Problem:
         return full
 
     def thinned(self, most: int = 200, least: int = 60) -> Problem:
-        """Return the problem of every k-th sample: about `most` / m of them, and `least` or more.
-
-        The coarser spacing resolves less: a resonance between the samples would be invented.
-        """
+        """Return the problem of every k-th sample: about `most` / m of them, `least` or more; it resolves less."""
         step = -(-self.x.size // max(least, most // self.m))
         return self if step == 1 else replace(self, x=self.x[::step], K=self.K[::step], weight=self.weight[::step],
                                               narrowest=step * self.narrowest)
@@ -96,10 +93,7 @@ def check_size(problem: Problem, order: int, states: int, free: int) -> None:
 
 
 def as_data(data: Any) -> HydroData:
-    """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read.
-
-    InputError if `data` is something else, not square, discrete, or has frequencies that are not above zero, ascending.
-    """
+    """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read."""
     if isinstance(data, HydroData):
         return data
     if isinstance(data, str | Path) or hasattr(data, "data_vars"):

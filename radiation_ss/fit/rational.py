@@ -42,10 +42,7 @@ def _response(a: FloatArray, b: FloatArray, c: FloatArray, w: FloatArray) -> Com
 
 
 def connected(linked: NDArray) -> list[NDArray[np.int64]]:
-    """Return the groups of connected positions, each ascending, of a matrix of links (n, n): zero where there is none.
-
-    Of a system's a: the states of each part that shares none with the others.
-    """
+    """Return the groups of connected positions, each ascending, of a matrix (n, n) of links: zero for none."""
     count, group = connected_components(linked != 0.0, directed=False)
     return [np.flatnonzero(group == k) for k in range(count)]
 

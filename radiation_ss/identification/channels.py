@@ -168,9 +168,7 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 
 
 def known_force(model: Model, record: Record) -> FloatArray | None:
-    """Return the exciting force (nt, n) on the record's uniform grid: recorded, or a decay test's zero; None if not
-    known.
-    """
+    """Return the exciting force (nt, n) on the uniform grid: recorded, or a decay test's zero; None if not known."""
     grid, measured, rows = uniform_grid(record), record.get("force", model.dofs), []
     if measured is None:
         return None

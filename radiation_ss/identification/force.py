@@ -54,9 +54,7 @@ class WaveForce:
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
                trim: int) -> WaveForce:
-    """Return the force of an elevation (nt,) at the body; the error of X has bumps from half to twice `frequency`
-    [rad/s].
-    """
+    """Return the force of an elevation (nt,) at the body; X errs by bumps from half to twice `frequency` [rad/s]."""
     nt = elevation.size
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * nt, dt), dtype=np.float64)
     assert model.hydro is not None
@@ -181,10 +179,8 @@ def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
 
 def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: float = 6.0,
                 points: int = 600) -> ForceSpectra:
-    """Return the spectra of one draw on the smoother's grid, up to `top` times the motion's median frequency.
-
-    Beyond the bins that are used the sea is as its family goes on: the force may have much of its power there, where a
-    free body hardly moves.
+    """Return the spectra of one draw on the smoother's grid, up to `top` times the motion's median frequency: the force
+    may have much of its power where a free body hardly moves.
     """
     channels = part.channels
     omega = np.linspace(0.0, min(top * channels.frequency, np.pi / channels.dt), points + 1)

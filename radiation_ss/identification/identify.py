@@ -200,9 +200,7 @@ def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool)
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation whose prior mean has what the model's fit leaves out, as far as its sections can
-    follow.
-    """
+    """Return the parametrisation whose prior mean has what the model's fit leaves out, as its sections can follow."""
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
     if data is None or data.A_inf is None or block is None:
         return form

@@ -138,9 +138,8 @@ def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -
 
 
 def updated(belief: Belief, block: SpectralLikelihood, study: Study, pace: Pace) -> Belief:
-    """Return the belief after one more block: one scoring step from where it stood (recursive maximum likelihood).
-
-    The score there has mean zero at the truth; peaks of short blocks average the log spectrum, which is biased low.
+    """Return the belief after one more block, by one scoring step (recursive maximum likelihood): peaks of short blocks
+    average the log spectrum, which is biased low.
     """
     n = study.n_u
     _, gradient, information = block.local(belief.mean[:n], belief.mean[n:])

@@ -218,10 +218,7 @@ def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence
 
 def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
                   race: Race) -> Structure:
-    """Return the structure in which each sea has the family that its record alone makes most probable.
-
-    Seas of one system that fit no record drive the body away together.
-    """
+    """Return the structure in which each sea has the family that its record alone makes most probable."""
     alone = [structures(study, [part], others, race)[0] for part in parts]
     at = slice(study.n_u, None)
     seas = [best.modes[0].phi[at][:best.parts[0].size] for best in alone]

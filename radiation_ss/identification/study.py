@@ -128,9 +128,7 @@ class Study:
         return self.form.stable(self.form.theta(u))
 
     def passive(self, u: FloatArray) -> np.ndarray:
-        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out: K may have less
-        there.
-        """
+        """Return which of u, shape (S, n_u), are passive but for what the model's order leaves out."""
         return passive(self.form, self.form.theta(u), max(PASSIVE, left_out(self.model, self.rules)))
 
     def kept(self, u: FloatArray) -> FloatArray:

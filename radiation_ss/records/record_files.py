@@ -32,10 +32,7 @@ ENDING = r"(?i)\.(csv|csv\.gz|parquet)$"
 
 
 def infer_kind(channels: Mapping[str, FloatArray]) -> str:
-    """Return the kind of a record that does not state it.
-
-    Every force known and 0: decay. Wave elevation: waves. Another force: forced. Neither: motion-only.
-    """
+    """Return the kind of a record that does not state it: by its force columns and its wave elevation."""
     forces = [values for name, values in channels.items() if name.endswith("_force")]
     if forces and all(np.nansum(np.abs(values)) == 0.0 and np.isfinite(values).any() for values in forces):
         return "decay"

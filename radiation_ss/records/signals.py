@@ -110,9 +110,8 @@ def grid_of(record: Record) -> FloatArray:
 
 
 def spectrum_of(record: Record, values: FloatArray, spiky: bool = True) -> tuple[FloatArray, ComplexArray]:
-    """Return frequencies [rad/s] and Fourier coefficients; windowed unless the motion dies away.
-
-    What is computed is not `spiky`: its first swings may be all of it.
+    """Return frequencies [rad/s] and Fourier coefficients; windowed unless the motion dies away. A computed one is not
+    `spiky`: its first swings may be all of it.
     """
     grid = grid_of(record)
     even = whole(record.time, without_spikes(values) if spiky else values, grid)

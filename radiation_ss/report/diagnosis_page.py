@@ -133,10 +133,7 @@ EFFECTS = (style.BLUE, style.VERMILION, style.ORANGE, style.PURPLE, style.YELLOW
 
 @style.look()
 def overview(found: Diagnosis, parts: Sequence[str] = ("budget", "motion")) -> Figure:
-    """Draw the budget, and one unseen record as measured and predicted with its error, or one of the two.
-
-    InputError if no unseen record can be predicted.
-    """
+    """Draw the budget, and one unseen record as measured and predicted with its error, or one of the two."""
     if not found.predictions:
         raise InputError("no record with a known force is left to be predicted, so there is nothing to draw")
     rows = [name for name in ("budget", "motion", "motion") if name in parts]

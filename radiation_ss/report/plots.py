@@ -27,10 +27,7 @@ if TYPE_CHECKING:
 
 
 def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) -> Figure:
-    """Draw added mass, damping, Nyquist plot and kernel of some entries, data as points, fit as lines.
-
-    `entries`: by default the diagonal. InputError if the fit does not carry its data or A_inf.
-    """
+    """Draw added mass, damping, Nyquist plot and kernel of entries (the diagonal), data as points, fit as lines."""
     data, A_inf = fit.data, fit.A_inf
     if data is None or A_inf is None:
         raise InputError("plot: this fit was read from a file without its data; use fit.replace(data=..., A_inf=...)")
@@ -63,10 +60,7 @@ def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) ->
 
 
 def plot_path(fit: RadiationFit) -> Figure:
-    """Draw the error of each order that was tried, on fitted and held-out frequencies.
-
-    InputError if the order was given and not chosen.
-    """
+    """Draw the error of each order that was tried, on fitted and held-out frequencies."""
     if not fit.path:
         raise InputError("plot_path: the order of this fit was given, not chosen; fit with order=None")
     figure_, axes = figure(1, len(fit.path), size=(3.2 * len(fit.path) + 0.4, 2.8))
@@ -136,10 +130,7 @@ def plot_model(model: Model) -> Figure:
 
 @style.look()
 def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figure:
-    """Draw a row for each degree of freedom: added mass, damping and, where present, |X| of the wave excitation.
-
-    `dofs`: which; by default all.
-    """
+    """Draw a row for each degree of freedom: added mass, damping and, where present, |X| of the wave excitation."""
     if dofs is not None:
         data = data.select(dofs)
     columns = 2 if data.X is None else 3
@@ -171,10 +162,7 @@ def plot_hydro(data: HydroData, dofs: Sequence[str] | str | None = None) -> Figu
 
 @style.look()
 def plot_quality(report: QualityReport) -> Figure:
-    """Draw damping, its smallest eigenvalue, Kramers-Kronig residual, asymmetry and spikes over frequency.
-
-    Bands where negative damping or a spike was found are shaded.
-    """
+    """Draw damping, its smallest eigenvalue, Kramers-Kronig residual, asymmetry and spikes over frequency."""
     data, w = report.data, report.data.omega
     percent, smallest = 100.0 * report.tolerance, 100.0 * report.smallest_eigenvalue
     drawing, axes = figure(2, 2, size=(8.2, 5.6), share_x=True)

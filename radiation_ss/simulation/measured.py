@@ -33,9 +33,7 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
-    """Return a sentence for each motion that nothing restores and whose trend goes `far` standard deviations of the
-    rest.
-    """
+    """Return a sentence for each motion that nothing restores and whose trend is `far` deviations of the rest."""
     said = []
     for i, dof in enumerate(model.dofs):
         values = record.channels.get(dof)

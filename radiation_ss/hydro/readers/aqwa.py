@@ -44,10 +44,7 @@ class Blocks(text.Lines):
         return np.array(values)
 
     def labelled(self, sizes: tuple[int, ...], shape: tuple[int, int], what: str) -> FloatArray:
-        """Return an array (*sizes, *shape): before the first of `shape[0]` rows stand the labels, from 1 on.
-
-        Structures that were computed without each other have no blocks between them; those stay NaN.
-        """
+        """Return an array (*sizes, *shape) of labelled rows; blocks between structures computed apart stay NaN."""
         block = np.full((*sizes, *shape), np.nan)
         while self.heading() == "":
             first = self.row(len(sizes) + shape[1], f"{what}: labels and {shape[1]} values")

@@ -99,10 +99,7 @@ def _constant(path: Path, bare: list[str], name: str) -> float:
 
 
 def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[Tables, dict[int, Point]]:
-    """Return the tables, and the point of the rotations of each structure.
-
-    The low frequency of the section on low and high ones is no limit; its tables are left out.
-    """
+    """Return the tables, but for those of low and high frequencies, and the point of each structure's rotations."""
     found: Tables = {}
     points: dict[int, Point] = {}
     inside = limits = False
@@ -168,9 +165,8 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
 
 def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
             count: int) -> tuple[list[float], FloatArray]:
-    """Return headings [deg] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force.
-
-    The Froude-Krylov part, a table above, tells which directions must be there.
+    """Return headings [deg] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force;
+    the Froude-Krylov part, a table above, tells which directions must be there.
     """
     groups: dict[tuple[str, int], dict[float, list[list[float]]]] = {
         (name, k): {} for name in (FORCES, PART) for k in range(1, count + 1)}

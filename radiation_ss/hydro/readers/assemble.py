@@ -94,10 +94,7 @@ def constants(path: Path | str, in_file: Mapping[str, float | None], given: Mapp
 
 def constant(path: Path | str, field: str, in_file: float | None, given: Mapping[str, float], default: float,
              notes: list[str]) -> float:
-    """Return a constant from the file, else the one given, else the default, which is noted.
-
-    InputError if the one given contradicts the file, or it is not positive.
-    """
+    """Return a constant from the file, else the one given (InputError if they contradict), else the default, noted."""
     value = given.get(field, default) if in_file is None else in_file
     if in_file is None and field not in given:
         notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
@@ -110,10 +107,7 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
 
 def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | FloatArray, g: float,
           depth: float) -> ComplexArray:
-    """Return the phase factor of each wave at a point (x, y, ...) over that at the origin, shape (nw, n_dir).
-
-    A force whose phase is relative to the wave there, times this, is relative to the wave at the origin; limits have 1.
-    """
+    """Return the phase factor (nw, n_dir) that refers a force to the wave at the origin, not at a point (x, y, ...)."""
     inside = np.isfinite(omega) & (omega > 0.0)
     k = wave_number(np.where(inside, omega, 1.0) ** 2 / g, depth)
     along = point[0] * np.cos(directions) + point[1] * np.sin(directions)
@@ -133,10 +127,7 @@ def lags_to_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, po
 
 
 def common_point(path: Path | str, dofs: Sequence[str], points: Points | None) -> tuple[tuple[float, ...], list[str]]:
-    """Return the point about which rotations are taken, and notes; NaN where the file cannot tell.
-
-    `points`: none where the file does not say.
-    """
+    """Return the point about which rotations are taken, and notes; NaN where the file cannot tell."""
     turning = [dof for dof in dofs if mode(dof) in ROTATIONS]
     if points:
         distinct = {tuple(float(v) for v in point) for point in points.values()}

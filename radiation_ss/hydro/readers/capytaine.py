@@ -32,11 +32,7 @@ def read(path: Path, **given: float) -> HydroData:
 
 
 def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
-    """Return the data of a dataset that Capytaine, or anybody's xarray, made in its form.
-
-    `dataset`: left as it is. `path`: named in messages. `**given`: rho, g, depth for a dataset that does not carry
-    them. InputError if the file is not netCDF, or a variable or a dimension is missing or ambiguous.
-    """
+    """Return the data of a dataset in Capytaine's form; `given`: rho, g, depth where it does not carry them."""
     return decoded(path, "dataset of Capytaine's form", lambda: _from_dataset(dataset, path, given))
 
 

@@ -185,10 +185,7 @@ COLUMN = dict(zip((4, 3, 2, 1, 5), wamit_out.READINGS))  # Output_frequency_type
 
 
 def read_hams(path: Path, **given: float) -> HydroData:
-    """Read the folder of a run, or any file within its folders Input and Output.
-
-    InputError if the control file or the coefficients are missing, or the reference length is not 1 m.
-    """
+    """Read the folder of a run, or any file within its folders Input and Output."""
     root = next((p for p in (path, *path.parents) if (p / "Input" / "ControlFile.in").is_file()), None)
     if root is None:
         raise InputError(f"{path}: no Input/ControlFile.in; a HAMS run's folder is needed")

@@ -252,9 +252,8 @@ def to_omega(column: FloatArray, reading: str, g: float, depth: float, length: f
 
 
 def recognise(rows: Radiation, g: float, depth: float, length: float, clear: float = 5.0) -> tuple[str, str]:
-    """Return the reading of the first column under which A and B satisfy Kramers-Kronig, and a note ('' if none).
-
-    It is a period, as WAMIT writes by default, unless another reading leaves at most 1/`clear` of the residual.
+    """Return the reading of the first column, and a note: a period, unless another leaves at most 1/`clear` of its
+    Kramers-Kronig residual.
     """
     column = rows.period
     inside = column > 0.0

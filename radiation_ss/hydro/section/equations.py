@@ -119,10 +119,7 @@ class Flow:
 
 
 def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow:
-    """Solve radiation and diffraction for a block of frequencies.
-
-    Even motion (heave, the cosine part of the wave) and odd motion (sway, roll, the sine part) are apart.
-    """
+    """Solve radiation and diffraction for a block of frequencies, even (heave) and odd motion (sway, roll) apart."""
     mesh = equations.mesh
     K = omega ** 2 / g
     systems = layers_by_parity(equations, K)

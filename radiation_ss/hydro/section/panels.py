@@ -175,10 +175,7 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
 
 def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror,
            rule: NearRule) -> tuple[np.ndarray, np.ndarray]:
-    """Return the single- and double-layer matrices of a kernel under a mirror, shape (..., nt, n).
-
-    `kernel` gives (G, dG/dn at Q) from (P, Q, n), with frequencies on axes in front.
-    """
+    """Return single- and double-layer matrices (..., nt, n) of a kernel(P, Q, n) -> (G, dG/dn at Q) under a mirror."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a target on its own node: replaced by the near rule below
         single, double = kernel(targets[:, None], mirror(mesh.points), mirror(mesh.normals))
     single, double = single * mesh.weights, double * mesh.weights
