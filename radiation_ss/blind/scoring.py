@@ -176,7 +176,7 @@ def report(cases: Sequence[Scored]) -> str:
     parts += [(f"{title}: {value}", [c for c in cases if c.label[key] == value])
               for title, key in (("records", "kind"), ("body", "body"))
               for value in dict.fromkeys(c.label[key] for c in cases)]
-    text = [alarms(cases)]
+    text = list[str]()
     for title, some in parts:
         rows = [str(row) for row in table(some) if row.count]
         text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
@@ -184,21 +184,6 @@ def report(cases: Sequence[Scored]) -> str:
     if seconds.size:
         text.append(f"Processor seconds a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
     return "\n".join(text)
-
-
-def alarms(cases: Sequence[Scored]) -> str:
-    """Return the false alarms of each kind of records and body as 'false alarms / cases with nothing hidden'."""
-    none = [c for c in cases if c.group == "none"]
-    kinds, bodies = (list(dict.fromkeys(c.label[key] for c in none)) for key in ("kind", "body"))
-
-    def cell(some: Sequence[Scored]) -> str:
-        return f"{sum(map(alarm, some))} / {len(some)}"
-
-    rows = [[kind, *(cell([c for c in none if (c.label["kind"], c.label["body"]) == (kind, body)]) for body in bodies),
-             cell([c for c in none if c.label["kind"] == kind])] for kind in kinds]
-    head = ["records", *bodies, "all"]
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(["### false alarms / cases with nothing hidden", "", *(f"| {' | '.join(r)} |" for r in lines), ""])
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,6 @@ def by_dual_filter(study: Study) -> Findings:
     return Findings(np.asarray(u, dtype=np.float64), {"force": changes}, tuple(said), force=force)
 
 
-__all__ = ["Identification", "identify"]
-
 @accepting(model=lambda given: as_model(opened(given)), records=as_records)
 def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
