@@ -36,8 +36,8 @@ from radiation_ss.hydro.files import read_hydro as read_hydro
 from radiation_ss.hydro.files import write_hydro as write_hydro
 from radiation_ss.hydro.section.shapes import lewis_section as lewis_section
 from radiation_ss.hydro.section.solver import section_2d as section_2d
-from radiation_ss.identification.result import Identification as Identification
 from radiation_ss.identification.identify import identify as identify
+from radiation_ss.identification.result import Identification as Identification
 from radiation_ss.records.convert import as_record as as_record
 from radiation_ss.records.convert import in_radians as in_radians
 from radiation_ss.records.record import Record as Record
