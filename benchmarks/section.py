@@ -320,7 +320,7 @@ def main() -> None:
 
 TABLE_3_WORDS = """![K(iw) and kernel of the tank](section_table3.svg)
 
-A third-order fit is loose: the table and the fit of the solver's kernel are 1 % apart as kernels, 40 % in a1 and b1.
+A third-order fit is loose: table and fit are 1 % apart as kernels, 40 % in a1 and b1.
 """
 
 if __name__ == "__main__":
