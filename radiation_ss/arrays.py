@@ -51,14 +51,15 @@ def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtyp
     return array
 
 
-def positive(value: Any, name: str, unit: str = "") -> float:
-    """Return a positive, finite number; InputError with its name and unit if it is none."""
+def positive(value: Any, name: str, unit: str = "", *, or_infinite: bool = False) -> float:
+    """Return a positive, finite number (or infinity, if allowed); InputError with its name and unit if it is none."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         raise InputError(f"{name}: {value!r} is not a number") from None
-    if not 0.0 < number < np.inf:
-        raise InputError(f"{name}: must be positive and finite, found {f'{number:g} {unit}'.strip()}")
+    if not (0.0 < number < np.inf or (or_infinite and number == np.inf)):
+        raise InputError(f"{name}: must be positive{', or inf' if or_infinite else ' and finite'}, found "
+                         f"{number:g} {unit}".rstrip())
     return number
 
 

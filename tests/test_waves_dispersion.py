@@ -73,8 +73,8 @@ def test_probes_in_a_flume(data, run):
 @pytest.mark.parametrize("call, words", [
     (lambda: rss.carry_elevation([0.0, np.nan, 1.0], 0.1, 1.0), "not finite"),
     (lambda: rss.carry_elevation(np.sin(np.arange(100) * 0.3), 0.1, 1e4), "too short"),
-    (lambda: rss.carry_elevation(np.zeros(10), -0.1, 1.0), "positive step"),
-    (lambda: rss.wave_frequencies(0.0, 1.0), "positive frequency"),
+    (lambda: rss.carry_elevation(np.zeros(10), -0.1, 1.0), "dt: must be positive"),
+    (lambda: rss.wave_frequencies(0.0, 1.0), "encounter: must be positive"),
     (lambda: rss.encounter_frequency(1.0, np.nan), "finite"),
 ])
 def test_bad_input_is_said(call, words):

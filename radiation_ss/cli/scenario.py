@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.arrays import positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.columns import own_dofs
@@ -87,9 +88,7 @@ def _check_sea(height: float, peak: float, duration: float | None, steepest: flo
 
 def lasting(given: float | None, usual: float, dt: float, most: int = 5_000_000) -> float:
     """Return the length of --duration [s], or the usual one; refused where it is none or has more steps than `most`."""
-    found = usual if given is None else given
-    if not 0.0 < found < np.inf:
-        raise InputError(f"--duration {found:g}: a positive number of seconds is needed")
+    found = positive(usual if given is None else given, "--duration", "s")
     if found > most * dt > 0.0:
         raise InputError(f"--duration {found:g}: {found / dt:.3g} steps of {dt:.3g} s, more than {most}")
     return found

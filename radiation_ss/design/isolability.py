@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray, listed
+from radiation_ss.arrays import FloatArray, listed, positive
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information
@@ -185,13 +185,12 @@ def isolability(model: Model, records: Sequence[Record] | Record,
       to measure next: nothing: all that shows can be told apart
     """
     given = [records] if isinstance(records, Record) else list(records)
-    if noise is not None and not 0.0 < noise < np.inf:
-        raise InputError(f"noise: {noise!r}; a positive share of the motion's rms is needed")
     if not given:
         raise InputError("records: none given; plan_tests needs none")
     chosen = considered(effects)
     runs = [measured_motion(model, record) for record in given]
     if noise is not None:
+        noise = positive(noise, "noise (a share of the motion's rms)")
         runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1) / run.kept)) for run in runs]
     problem = equation_error(model, runs, tolerances(tolerance))
     sizes = learn(problem.rows, problem.base, start_sizes(problem), nuisances=problem.base.count).sizes

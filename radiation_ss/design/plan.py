@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray, listed
+from radiation_ss.arrays import FloatArray, listed, positive
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.design.information import Information, information_of
@@ -234,8 +234,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     Tests for body: the whole menu shows 2 of 2 effects and tells 1 of 1 pairs apart.
     """
     for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
-        if not (value > 0.0 and np.isfinite(value)):
-            raise InputError(f"{name}: {value}; a positive share of the motion is needed (0.01 is 1 %)")
+        positive(value, f"{name} (a share of the motion: 0.01 is 1 %)")
     if isinstance(tests, Mapping):
         menu = [PlannedTest(name, "given", as_one_record(record, model)) for name, record in tests.items()]
     else:

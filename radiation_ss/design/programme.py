@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.linalg import expm
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active
 from radiation_ss.effects.nominal import natural_frequency
@@ -116,8 +116,7 @@ def waves(model: Model, amplitude: Mapping[str, float], sea: tuple[float, float]
                          "and the waves are scaled to the amplitude")
     slowest = min(natural_frequency(model, i) for i in range(model.n))
     height, period = sea if sea is not None else (1.0, 2.0 * np.pi / slowest)
-    if not (height > 0.0 and period > 0.0):
-        raise InputError(f"sea: Hs = {height:g} m, Tp = {period:g} s; both must be positive")
+    height, period = positive(height, "sea, Hs", "m"), positive(period, "sea, Tp", "s")
     time = even_times(model, FORCED * max(period, 2.0 * np.pi / slowest), 2.0 * np.pi / period)
     drawn = realise(jonswap(height, period), time.size * (time[1] - time[0]), float(time[1] - time[0]), seed=0)
     still = {dof: np.zeros(time.size) for dof in model.dofs}
@@ -272,11 +271,8 @@ def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> d
     if amplitude is None:  # (M + A_inf) omega^2 x^2 as large as in the first degree of freedom at 1
         energy = [(model.M + model.A_inf)[i, i] * natural_frequency(model, i) ** 2 for i in range(model.n)]
         return {dof: float(np.sqrt(energy[0] / e)) for dof, e in zip(model.dofs, energy)}
-    found = {d: float(amplitude[d] if isinstance(amplitude, Mapping) else amplitude)
-             for d in model.dofs if not isinstance(amplitude, Mapping) or d in amplitude}
+    given = amplitude if isinstance(amplitude, Mapping) else dict.fromkeys(model.dofs, amplitude)
     for dof in model.dofs:
-        if dof not in found:
+        if dof not in given:
             raise InputError(f"amplitude: none for {dof}")
-        if not (found[dof] > 0.0 and np.isfinite(found[dof])):
-            raise InputError(f"amplitude: {found[dof]:g} for {dof}; it must be positive")
-    return found
+    return {dof: positive(given[dof], f"amplitude of {dof}") for dof in model.dofs}

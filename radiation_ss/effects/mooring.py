@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from radiation_ss.arrays import positive
 from radiation_ss.effects.catalogue import restoring_left
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 from radiation_ss.errors import InputError
@@ -110,8 +111,7 @@ class Line:
 
     def __post_init__(self) -> None:
         for name, unit in (("length", "m"), ("weight", "N/m"), ("depth", "m"), ("distance", "m"), ("axial", "N")):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"line: {name} {getattr(self, name):g} {unit}; a positive number is needed")
+            positive(getattr(self, name), f"line: {name}", unit, or_infinite=name == "axial")
         if self.length <= self.depth or self.distance <= self.length - self.depth:
             raise InputError(f"line: length {self.length:g} m; it must be above the depth {self.depth:g} m and below "
                              f"depth + distance ({self.depth + self.distance:g} m), or the line holds nothing")

@@ -143,8 +143,7 @@ class HydroData(Shown):
             if (far := np.abs(angles).max(initial=0.0)) > 2.0 * np.pi + 1e-6:
                 raise InputError(f"directions: {far:g} is too much for radians; np.deg2rad turns degrees")
         for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
-            value = getattr(self, name)
-            fixed[name] = np.inf if name == "depth" and value == np.inf else positive(value, name, unit)
+            fixed[name] = positive(getattr(self, name), name, unit, or_infinite=name == "depth")
         fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
         for name, value in fixed.items():
             object.__setattr__(self, name, value)

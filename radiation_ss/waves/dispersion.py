@@ -8,7 +8,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.optimize import brentq
 from scipy.signal import lfilter, lfiltic
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.section.green import group_velocity, wave_number
 
@@ -79,8 +79,7 @@ def wave_frequencies(encounter: float, speed: float, heading: float = np.pi, *, 
     >>> [round(w, 4) for w in wave_frequencies(0.2, 8.0, 0.0)]
     [0.2516, 0.9746, 1.4013]
     """
-    if not 0.0 < encounter < np.inf:
-        raise InputError(f"encounter: {encounter:g} rad/s; a positive frequency is needed")
+    encounter = positive(encounter, "encounter", "rad/s")
     along = speed * np.cos(heading) if abs(np.cos(heading)) > 1e-12 else 0.0
     top = encounter if along <= 0.0 else g / (2.0 * along) * (1.0 + np.sqrt(1.0 + 4.0 * encounter * along / g))
     grid = np.concatenate([[1e-9 * top], np.linspace(0.0, 1.0 + 1e-9, 4001)[1:] * top])
@@ -134,10 +133,9 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     -1.0
     """
     x = read_only(elevation, "elevation", (None,))
-    if not 0.0 < dt < np.inf or not np.isfinite(distance):
-        raise InputError(f"dt {dt} s, distance {distance} m: a positive step and a finite distance are needed")
-    if not depth > 0.0:
-        raise InputError(f"depth: {depth} m; a positive number is needed")
+    dt, depth = positive(dt, "dt", "s"), positive(depth, "depth", "m", or_infinite=True)
+    if not np.isfinite(distance):
+        raise InputError(f"distance: {distance} m; a finite number is needed")
     mean = float(x.mean())
     energy = np.cumsum(np.abs(rfft((x - mean) * np.hanning(x.size))[1:]) ** 2)
     omega = 2.0 * np.pi / (x.size * dt) * np.arange(1, energy.size + 1)

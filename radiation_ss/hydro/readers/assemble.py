@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
@@ -100,9 +100,7 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
         notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
     if in_file is not None and field in given and not np.isclose(given[field], in_file, rtol=1e-6):
         raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
-    if not (0.0 < value < np.inf or (field == "depth" and value == np.inf)):
-        raise InputError(f"{path}: {field}: must be positive, found {value:g}")
-    return float(value)
+    return positive(value, f"{path}: {field}", or_infinite=field == "depth")
 
 
 def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | FloatArray, g: float,

@@ -141,13 +141,12 @@ def _frequencies(omega: ArrayLike, section: Section, g: float) -> FloatArray:
 
 
 def _depth(section: Section, depth: float) -> float:
-    if not float(depth) > 0.0:
-        raise InputError(f"depth: must be positive (inf for deep water), found {depth} m")
+    depth = positive(depth, "depth", "m", or_infinite=True)
     if 1e9 * section.draft < depth < np.inf:
         raise InputError(f"depth: {depth:g} m is deep water for this section; use inf")
     if section.draft >= depth:
         raise InputError(f"depth: {depth:g} m is not more than the draft {section.draft:g} m of {section.name}")
-    return float(depth)
+    return depth
 
 
 def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
