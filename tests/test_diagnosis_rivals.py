@@ -1,10 +1,13 @@
 """Wrong zeros beside a cause, which no record tells from a steady force, and a motion that a sensor cannot see."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import radiation_ss as rss
+from radiation_ss.diagnosis import Grounds, Named, verdict
 
 DOFS = ("Heave", "Pitch")
 M, B, C = np.diag([2.0, 0.5]), np.diag([0.25, 0.1]), np.diag([8.0, 3.0])
@@ -128,3 +131,14 @@ def test_a_number_off_by_three_tolerances_is_told_and_by_one_of_them_is_no_gap(t
     assert stated.verdict.status in ("ambiguous", "effect")
     assert (told | {e.name for e in stated.verdict.effects}) & {"added_inertia", "linear_stiffness"}
     assert wide.verdict.status == "no_gap" and wide.how_far.gap_after < 0.1 * wide.how_far.gap_before
+
+
+@pytest.mark.parametrize("clear", [(), ("tank_resonance",), ("hysteresis", "tank_resonance")])
+def test_effects_that_stand_out_are_in_every_set_of_those_that_stand_for_each_other(clear):
+    names = ("excitation_delay", "hysteresis", "sensor_delay", "tank_resonance")
+    grounds = Grounds(tuple(Named(name, "Heave", {}, {}, 1.0) for name in clear), (), (), (names,), 1.0, 0.0, 0.9, 0.0,
+                      whole=False, checked=True, matter=True, shrinks=True, grows=False, closes=True, outside=False,
+                      plausible=True, surprising=False)
+    status, _, sets = verdict(grounds, SimpleNamespace(probabilities=lambda: [1.0]), ["Heave"])
+    assert status == "ambiguous" and all(told[:-1] == clear for told in sets)
+    assert {told[-1] for told in sets} == set(names) - set(clear)

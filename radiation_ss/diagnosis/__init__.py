@@ -3,7 +3,8 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "conclusion": "contradiction unit_of",
+    "conclusion": "contradiction Grounds unit_of verdict",
     "prediction": "Error",
+    "result": "Named",
     "shares": "budget Row shapley",
 })

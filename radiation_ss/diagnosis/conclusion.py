@@ -157,8 +157,10 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         blamed = on.plausible and sure >= 1.0 - on.contradiction
         return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
     if on.doubtful and on.shrinks and (on.closes or not on.outside):
-        # Effects of one set that do not stand out beside each other stand for each other.
-        return "ambiguous", first, on.sets if len(on.sets) > 1 else tuple((one,) for one in on.sets[0])
+        # Effects of one set that do not stand out beside each other stand for each other, each beside those that do.
+        clear = tuple(label(dofs, e.name, e.dof) for e in on.named)
+        apart = tuple((*clear, one) for one in on.sets[0] if one not in clear)
+        return "ambiguous", first, on.sets if len(on.sets) > 1 or not apart else apart
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
     if on.surprising and len(on.sets) > 1:
