@@ -277,7 +277,7 @@ def test_mooring_lines_hold_a_body_and_a_polynomial_follows_them():
 def test_bad_lines_are_refused_with_a_clear_word():
     with pytest.raises(InputError, match="length 100 m; it must be above the depth"):
         Line(100.0, 10.0, 186.0, 50.0)
-    with pytest.raises(InputError, match="weight -1 N/m"):
+    with pytest.raises(InputError, match="line: weight: must be positive and finite, found -1 N/m"):
         Line(100.0, -1.0, 80.0, 50.0)
 
 
