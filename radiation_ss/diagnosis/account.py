@@ -192,8 +192,9 @@ def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -
     measured = [run for each in problems for run in each.runs if run.free[error.dof]]
     for run in [run for run in measured if run.record.name == error.record] or measured:
         band = min(run.basis[0].omega[-1] * step / np.pi, 1.0)  # share of all frequencies that the samples resolve
-        spread = band * factor**2 + (1.0 - band) * max(factor, 1.0) ** 2
-        own = run.noise[error.dof] ** 2 * spread * max(run.dt / step, 1.0)
+        noise = run.noise[error.dof] ** 2
+        own = band * factor**2 * noise.mean() + (1.0 - band) * max(factor, 1.0) ** 2 * noise[-1]
+        own *= max(run.dt / step, 1.0)
         levels.append(np.sqrt(own + shaken(problem.model, run)[error.dof]))
     if not levels:
         return 0.0

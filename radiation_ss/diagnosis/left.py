@@ -63,7 +63,7 @@ def left(problem: EquationError, candidate: Candidate, tolerance: float, rules: 
     for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
-        through = run.noise[i] ** 2 / np.tile(force_noise(problem.model, run, p), len(run.basis))
+        through = np.tile(run.noise[i, : p.bins] ** 2 / force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
         own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
         if run.force is not None and run.record.kind == "waves" and run.record.get("force", problem.model.dofs) is None:

@@ -278,7 +278,7 @@ def weights_of_motion(problem: EquationError, columns: Columns, posterior: Poste
             if place.record != r or place.order >= 0:
                 continue
             i = place.dof
-            noise = run.noise[i] ** 2 * np.exp(2 * posterior.sizes.noise[i])
+            noise = np.tile(run.noise[i, : place.bins] ** 2, len(run.basis)) * np.exp(2 * posterior.sizes.noise[i])
             moved_by = force[place.rows].reshape(len(run.basis), -1) @ soft[i, : place.bins, : place.bins].T
             found[place] = np.sqrt(problem.rows.power[place.rows] / (noise + moved_by.ravel()))
     return found

@@ -70,7 +70,7 @@ class MeasuredMotion:
     transients: FloatArray
     # (k, n, nt): Slow motions that an integrated velocity or acceleration cannot tell, one standard deviation each
     lost: FloatArray
-    noise: FloatArray  # (n,): Standard deviation of the displacement's noise a sample
+    noise: FloatArray  # (n, bins): Standard deviation a sample of white noise as strong as the displacement's there
     omega: FloatArray  # (n,): Typical circular frequency of each motion [rad/s]
     reach: FloatArray  # (n,): Highest frequency that a motion's equation is looked at [rad/s]
     basis: list[Block]
@@ -145,22 +145,24 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     if (count := grid.own.size // grid.keep) < fewest(record):
         raise InputError(f"record {record.name}: {count} samples at {resolution.samples} a period; at least "
                          f"{fewest(record)} are needed")
-    raw, noise = np.zeros((model.n, time.size)), np.zeros(model.n)
+    dt = float(time[1] - time[0])
+    length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
+    top = min(fastest, 0.7 * np.pi / (step * grid.keep))
+    basis = ([samplewise(time.size)] if still else
+             blocks(time.size, dt, length, top, 0.125 * length, resolution.alike))
+    raw, noise = np.zeros((model.n, time.size)), np.zeros((model.n, basis[0].omega.size))
     for i, f in enumerate(found):
         if f is not None:
             values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
             raw[i] = averaged(values, grid.keep)
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
-            noise[i] = max(grid.noise(*f[1:], omega[i]) / omega[i] ** f[0], floor)
-    dt = float(time[1] - time[0])
-    length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
-    top = min(fastest, 0.7 * np.pi / (step * grid.keep))
+            level = grid.noise(*f[1:], omega[i], None if still else basis[0].omega)
+            noise[i] = np.maximum(level / omega[i] ** f[0], floor)
     if still:
-        basis, states = [samplewise(time.size)], np.zeros((model.fit.states, time.size))
+        states = np.zeros((model.fit.states, time.size))
         x, a = raw, np.zeros_like(raw)
-        v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s) for row, s in zip(raw, noise))))
+        v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s[0]) for row, s in zip(raw, noise))))
     else:
-        basis = blocks(time.size, dt, length, top, 0.125 * length, resolution.alike)
         x, v, a = smoothed(raw, dt, length, top, omega if record.kind == "decay" else None)
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, grid)

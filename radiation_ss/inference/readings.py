@@ -59,10 +59,14 @@ class Grid:
             return np.asarray(np.interp(self.even, time, values))
         return np.asarray(CubicSpline(time, values)(np.clip(self.even, time[0], time[-1])))
 
-    def noise(self, time: FloatArray, values: FloatArray, omega: float) -> float:
-        """Return the standard deviation of white noise a sample of the grid that has the density of the readings'."""
-        level = noise_of(np.interp(self.own, time, values), self.step, omega)
-        return float(level * np.sqrt(self.split / self.keep))
+    def noise(self, time: FloatArray, values: FloatArray, omega: float, at: FloatArray | None = None) -> FloatArray:
+        """Return the standard deviation of white noise a sample of the grid that has the density of the readings'.
+
+        At frequencies `at` [rad/s] if given, by its colour.
+        """
+        own = np.interp(self.own, time, values)
+        level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at)
+        return np.asarray(level * np.sqrt(self.split / self.keep))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,27 +223,31 @@ def spectra(values: FloatArray, dt: float, omega: float, segments: int
 def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, segments: int = 8) -> FloatArray:
     """Return the standard deviations a sample of white noise as strong as a signal's at frequencies `at` [rad/s].
 
-    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), by the spectrum far above the motion: the mean of all
-    colours, each as probable as it fits the logarithms, for many may fit. Nowhere more than the signal itself shows
+    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), by the spectrum far above the motion, where the motion
+    itself may leave a tail, w^-6: the mean of all colours, each as probable as it fits the logarithms: many may fit.
+    Every other sensor's noise is white, and every other motion has no tail. Nowhere more than the signal itself shows
     within half an octave to either side.
     """
     _, _, (high, far), middle = spectra(values, dt, omega, segments)
     if not far.size or not np.all(far > 0.0):
         return np.zeros_like(at)
-    colours = np.linspace(0.0, 0.95, 20)
+    colours, tails = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 0.95, 20),
+                                                           [0.0, *np.geomspace(0.1, 1e4, 11)]))
 
     def shape(w: FloatArray) -> FloatArray:
         return np.asarray(1.0 / (1.0 - 2.0 * np.outer(colours, np.cos(w * dt)) + colours[:, None] ** 2))
 
-    flat = far / shape(high)
+    flat = far / (shape(high) + tails[:, None] * shape(high[:1]) * (high / high[0]) ** -6.0)
     # A mean of k squares of two normal numbers has a logarithm of variance 1 / k; under Hann's window bins go in pairs.
     fits = -0.25 * segments * high.size * np.var(np.log(flat), axis=1)
-    density = np.exp(fits - fits.max()) @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle
-    density /= np.exp(fits - fits.max()).sum()
+    weights = np.exp(fits - fits.max()) * np.where(colours > 0.0, 1.0, 19.0) * np.where(tails > 0.0, 1.0, 11.0)
+    density = weights @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle / weights.sum()
     frequency, power = periodogram(values, 1.0 / dt, "hann")
     near = np.abs(np.log2(np.maximum(2.0 * np.pi * frequency, 1e-300) / at[:, None])) <= 0.5
-    shown = near @ power / np.maximum(near.sum(axis=1), 1)
-    return np.asarray(np.sqrt(np.where(near.any(axis=1), np.minimum(density, shown), density) / (2.0 * dt)))
+    count = near.sum(axis=1)
+    # By two standard deviations of a mean of squares more; under Hann's window those of neighbours go together.
+    shown = near @ power / np.maximum(count, 1) * (1.0 + 2.0 * np.sqrt(1.5 / np.maximum(count, 1)))
+    return np.asarray(np.sqrt(np.where(count > 0, np.minimum(density, shown), density) / (2.0 * dt)))
 
 
 def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
@@ -281,7 +289,7 @@ def second_sensors(model: Model, record: Record, grid: Grid,
             time, reading = bridged(record.time[there], values[0][there], 2 * np.pi / omega[i])
             if not derived(base, np.interp(grid.own, time, reading), grid.step, order, omega[i]):
                 least = 1e-3 * float(np.std(reading)) * np.sqrt(grid.split / grid.keep)
-                level = max(grid.noise(time, reading, omega[i]), least)
+                level = max(float(grid.noise(time, reading, omega[i])), least)
                 sensors.append(Sensor(i, order, averaged(grid.between(time, reading), grid.keep), level))
     return sensors
 

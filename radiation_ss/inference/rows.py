@@ -63,7 +63,8 @@ def rows_of(model: Model, run: MeasuredMotion, place: Place) -> tuple[np.ndarray
         error = (projected_on(run.basis, reading.values, 0, place.bins)
                  - projected_on(run.basis, run.raw[i], place.order, place.bins)).ravel()
         size = np.full(omega.size, float(np.std(reading.values)))
-        return (error, reading.noise**2 + run.noise[i] ** 2 * omega ** (2 * place.order), size, size,
+        own = np.tile(run.noise[i, : place.bins], len(run.basis))
+        return (error, reading.noise**2 + own**2 * omega ** (2 * place.order), size, size,
                 np.full(omega.size, n * BANDS + i), np.full(omega.size, n + i))
     force = run.force if run.force is not None else np.zeros_like(run.raw)
     error = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
@@ -89,7 +90,8 @@ def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
     power = np.abs(np.fft.rfft(block.g[:bins], size, axis=1)) ** 2
     power /= power.sum(axis=1, keepdims=True)
     # A window's tails are steep enough; beyond the top of the basis the impedance is not the motion's business.
-    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1])) * run.noise
+    noise = np.stack([np.interp(at, block.omega, row) for row in run.noise], axis=1)
+    Z = impedance(model, np.minimum(np.maximum(at, 1e-6), 1.3 * block.omega[-1])) * noise[:, None]
     each = np.real(np.einsum("wiq,wjq->wij", Z, Z.conj()))
     return np.asarray(np.tensordot(power, each, axes=1))
 
