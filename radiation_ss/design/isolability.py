@@ -191,7 +191,8 @@ def isolability(model: Model, records: Sequence[Record] | Record,
     runs = [measured_motion(model, record) for record in given]
     if noise is not None:
         noise = positive(noise, "noise (a share of the motion's rms)")
-        runs = [replace(run, noise=noise * np.sqrt(np.mean(run.x**2, axis=1) / run.kept)) for run in runs]
+        runs = [replace(run, noise=np.broadcast_to(noise * np.sqrt(np.mean(run.x**2, axis=1, keepdims=True) / run.kept),
+                                                   run.noise.shape)) for run in runs]
     problem = equation_error(model, runs, tolerances(tolerance))
     sizes = learn(problem.rows, problem.base, start_sizes(problem), nuisances=problem.base.count).sizes
     if noise is not None:  # stated, so not to be learned
