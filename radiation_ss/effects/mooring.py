@@ -28,7 +28,7 @@ def effects() -> list[Effect]:
                lambda s, p: -(p.linear * s.x + p.quadratic * s.x**2 + p.cubic * s.x**3), family="stiffness",
                optional=True, summary="quasi-static mooring: -(k1 x + k2 x^2 + k3 x^3), k2 where lines differ"),
         Effect("mooring_lines",
-               {"_".join(q): Parameter(f"J/{'/'.join(map(motion_unit, q))}", slab=stored(q)) for q in ENERGY},
+               {"_".join(q): P(f"J/{'/'.join(map(motion_unit, q))}", int(hardens(q)), stored(q)) for q in ENERGY},
                lines_force, scope="body", family="stiffness", optional=True,
                summary="restoring of lines on the whole body, from an energy that is a polynomial of its motions"),
     ]
@@ -41,6 +41,14 @@ ENERGY = tuple(tuple(term.split()) for term in (
     "Surge Surge Surge", "Surge Surge Sway", "Surge Sway Sway", "Sway Sway Sway", "Surge Yaw Yaw", "Sway Yaw Yaw",
     "Surge Surge Heave", "Sway Sway Heave", "Yaw Yaw Heave",
     "Surge Surge Surge Surge", "Surge Surge Sway Sway", "Sway Sway Sway Sway", "Yaw Yaw Yaw Yaw"))
+
+
+def hardens(powers: Sequence[str]) -> bool:
+    """Whether lines store energy in a motion in the horizontal plane to these even powers, never give it away.
+
+    Of motions that no record has together the data tell nothing, and a body that they free of each other drifts away.
+    """
+    return all(powers.count(p) % 2 == 0 and p in ("Surge", "Sway", "Yaw") for p in powers)
 
 
 def stored(powers: Sequence[str]) -> Callable[[Scales], float]:
