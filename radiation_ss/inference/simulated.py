@@ -34,29 +34,45 @@ class SimulatedRecords:
     actives: Sequence[Active]
     records: Sequence[int]
 
-    def steps(self, effects: Sequence[Active], rough: float, most: int) -> tuple[float, float]:
-        """Return the integrator's steps [s], short enough to follow the effects, and the longest for derivatives.
+    def steps(self, effects: Sequence[Active], rough: float, most: int) -> tuple[float, list[float]]:
+        """Return the integrator's step [s], short enough to follow the effects, and each record's for derivatives.
 
         See `Trajectories`. InputError if the effects set in so sharply that more than `most` steps are needed.
         """
-        runs = [self.problem.runs[r] for r in self.records]
+        runs, p = [self.problem.runs[r] for r in self.records], vector_of(self.actives)
         halvings = max((a.effect.halvings for a in effects), default=0)
         h, least = (step_size(self.problem.model, [run.record for run in runs], actives) / 2**halvings
                     for actives in ((), effects))
         coarse, duration = 0.0, sum(float(np.ptp(run.time)) for run in runs)
-        while h > 2.0 * least and not self.followed(h, 1e-3):
+        while h > 2.0 * least and not self.followed(h, 1e-3, p, self.records):
             if duration / h > most:
                 raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
-            coarse = coarse or h * self.followed(h, rough)
+            coarse = coarse or h * self.followed(h, rough, p, self.records)
             h *= 0.5
-        return max(0.5 * h, least), coarse or h
+        h = max(0.5 * h, least)
+        return h, [self.longest(r, coarse or h, effects, rough) for r in self.records]
 
-    def followed(self, h: float, share: float) -> bool:
-        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share."""
-        paths, p = [], vector_of(self.actives)
+    def longest(self, r: int, h: float, effects: Sequence[Active], rough: float) -> float:
+        """Return the longest step [s] for derivatives in a record: h, doubled while its force and motion allow it.
+
+        Effects allow what they ask for by their rates, and the force what the model itself follows.
+        """
+        model, record = self.problem.model, self.problem.runs[r].record
+        unforced = replace(record, channels={d: record.channels[d] for d in model.dofs if d in record.channels})
+        most = step_size(model, [unforced], effects) / 2 ** max((a.effect.halvings for a in effects), default=0)
+        while 2.0 * h <= most and self.followed(2.0 * h, rough, 0.0 * vector_of(self.actives), [r]):
+            h *= 2.0
+        return h
+
+    def followed(self, h: float, share: float, p: FloatArray, records: Sequence[int]) -> bool:
+        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share.
+
+        With the parameters p, in some records.
+        """
+        paths = []
         for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
             path = []
-            for r in self.records:
+            for r in records:
                 prepared = self.prepared(r, rollout.h)
                 drive, state = rollout.drive(prepared, p), begun(self.problem, rollout, r)
                 try:

@@ -52,12 +52,13 @@ class Trajectories:
     without them. `zero`: prior standard deviation of a sensor's zero, of the motion's. `rough`: derivatives are taken
     in the longest steps that leave this share of the motion: their error shifts the numbers by about as small a share
     of their own standard deviations, at a cost that falls with the number of steps. `most`: steps in all records up to
-    which effects shorten them. InputError if effects set in so sharply that more steps are needed.
+    which effects shorten them. `told`: information on an unknown, in units of its prior, below which a record tells
+    nothing of it. InputError if effects set in so sharply that more steps are needed.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
-                 zero: float = 0.05, rough: float = 1e-2, most: int = 500_000) -> None:
+                 zero: float = 0.05, rough: float = 1e-2, most: int = 500_000, told: float = 1e-5) -> None:
         self.problem, self.candidate, self.stated = problem, candidate, tolerance
         first = self.first = from_regression(problem, candidate, tolerance)
         self.tolerance = candidate.posterior.sizes.tolerance
@@ -70,7 +71,8 @@ class Trajectories:
         self.base = vector_of(self.actives)
         simulated = SimulatedRecords(problem, candidate, self.actives, self.records)
         h, coarse = simulated.steps(effects, rough, most)
-        self.rollout, self.rough = (Rollout(problem.model, self.actives, step) for step in (h, coarse))
+        made = {step: Rollout(problem.model, self.actives, step) for step in {h, *coarse}}
+        self.rollout, self.rough = made[h], [made[step] for step in coarse]
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed or name in unseen else slab(a.effect, name, scales_at(problem, a.dof, a.other))
                   for a, unseen in ((term.active, unseen_strengths(problem, term)) for term in terms)
@@ -82,8 +84,8 @@ class Trajectories:
         self.strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
         self.mean = self._middle(candidate)
         self.prepared = [simulated.prepared(r, h) for r in self.records]
-        self.coarse = self.prepared if coarse == h else [replace(p, grid=np.arange(
-            p.grid[0], p.grid[-1] + 1.5 * coarse, coarse)) for p in self.prepared]
+        self.coarse = [p if step == h else replace(p, grid=np.arange(p.grid[0], p.grid[-1] + 1.5 * step, step))
+                       for p, step in zip(self.prepared, coarse)]
         self.starts = [start_of(problem.model, p, self.rollout.ns) for p in self.prepared]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
@@ -101,6 +103,7 @@ class Trajectories:
         self.weights: dict[Place, FloatArray] = (
             like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
         self.noise = np.ones(problem.model.n)  # what the errors' standard deviations are multiplied by
+        self.told, self.telling = told, dict[int, np.ndarray]()  # of each record the unknowns that it tells, once known
 
     def _middle(self, candidate: Candidate) -> FloatArray:
         """Return the middle of the prior of each free parameter: of a strength 0, of a shape its start."""
@@ -256,25 +259,31 @@ class Trajectories:
         into[self.forces, count + basis.shape[1] + np.arange(self.forces.size)] = self.forces_sd
         begin = np.zeros((self.rollout.ns, into.shape[1]))
         begin[:, count:count + basis.shape[1]] = basis
+        telling = self.telling.get(k, np.arange(into.shape[1]))
+        into, begin, at = into[:, telling], begin[:, telling], np.r_[0:count, own, forces][telling]
         p = self.parameters(q)
         p[self.forces] += self.forces_sd * q[forces]
         drive = self.rollout.drive(prepared, p)
         motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, acceleration=False)
         if slopes:
-            coarse = self.coarse[k]
-            turning = self.rough.run(basis @ q[own], self.rough.drive(coarse, p), coarse.grid, p, columns=into,
-                                     d_start=begin, acceleration=False)
+            coarse, rough = self.coarse[k], self.rough[k]
+            turning = rough.run(basis @ q[own], rough.drive(coarse, p), coarse.grid, p, columns=into, d_start=begin,
+                                acceleration=False)
         found = []
         for c, channel in enumerate(prepared.channels):
             value, _ = reading(self.rollout, motion, prepared.grid, channel, p)
-            slope = reading(self.rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
+            slope = reading(rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
             place, added = self.places[r, channel.dof], self.added[k][c]
             weight = self.weights[place] / self.noise[channel.dof]
             error = weight * (self._project(r, place, (channel.value - value)[None])[0] - added @ q[errors])
             moved = np.zeros((0, 0)) if slope is None else np.hstack([self._project(r, place, slope.T).T, added])
             found.append((error, weight[: len(moved), None] * moved))
         weighted, derivatives = (np.concatenate(part) for part in zip(*found))
-        return weighted, derivatives, np.r_[0:count, own, forces, errors]
+        if slopes and k not in self.telling:
+            known = np.sum(derivatives[:, :at.size] ** 2, axis=0) > self.told
+            kept = np.r_[known, np.ones(derivatives.shape[1] - at.size, dtype=bool)]
+            self.telling[k], derivatives, at = np.flatnonzero(known), derivatives[:, kept], at[known]
+        return weighted, derivatives, np.r_[at, errors]
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
         return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(
