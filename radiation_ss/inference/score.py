@@ -10,9 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.special import log_ndtr
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe
 from radiation_ss.inference.own import Own
 from radiation_ss.inference.regression import Point
@@ -61,7 +62,7 @@ def scores(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[
                 A[block] -= products(G, known, here.size)
         A -= products(cross, found.covariance @ cross, k)
         spread = np.stack([candidates[i].spread for i in some])
-        q = joined([candidates[i] for i in some]).relative.tocsr()[rows.telling].toarray()
+        q = joined([candidates[i] for i in some]).relative.tocsr()[rows.telling]
         slope, added = through_impedance(point, rows, q, spread)
         yield Score(tuple(some), score.reshape(spread.shape) * spread + slope,
                     A * spread[:, :, None] * spread[:, None, :] + added)
@@ -98,27 +99,31 @@ def products(X: FloatArray, Y: FloatArray, k: int) -> FloatArray:
     return np.asarray(X.reshape(shape).transpose(1, 2, 0) @ Y.reshape(shape).transpose(1, 0, 2))
 
 
-def through_impedance(point: Point, rows: Rows, q: ComplexArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+def through_impedance(point: Point, rows: Rows, q: csr_array, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return slope and Fisher's information of log Jacobian and log variance, of sets of unknowns in units of spread.
 
-    q (terms, sets k) are the relative changes of the impedance; shapes (sets, k) and (sets, k, k).
+    q (terms, sets k) are the relative changes of the impedance; shapes (sets, k) and (sets, k, k). Of the bins of one
+    motion in one record few sets change any.
     """
     sets, k = spread.shape
-    reached = np.flatnonzero(np.any(q, axis=0).reshape(sets, k).any(axis=1))  # sets that change it at all
-    slope, information = np.zeros((sets, k)), np.zeros((sets, k, k))
-    if reached.size == 0:
-        return slope, information
-    (change, pull, stiff), count = point.pulls(rows), rows.fine.shape[1]
-    scaled = (q.reshape(-1, sets, k)[:, reached] * spread[reached]).reshape(q.shape[0], -1) / point.s[:, None]
-    real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
-    weight = rows.weight[rows.telling]
-    moved = -2.0 * (np.abs(point.s[:, None]) ** 2 * real).reshape(change.size, count, -1).mean(axis=1) / change[:, None]
-    slope[reached] = (pull @ moved - weight @ real).reshape(-1, k)
-    fisher = products(real, weight[:, None] * real, k) - products(imaginary, weight[:, None] * imaginary, k)
+    slope, fisher, information = np.zeros((sets, k)), np.zeros((sets, k, k)), np.zeros((sets, k, k))
+    (change, pull, stiff), count, all_weights = point.pulls(rows), rows.fine.shape[1], rows.weight[rows.telling]
+    for span in rows.spans:
+        fine = slice(span.start * count, span.stop * count)
+        reached = np.unique(q[fine].indices // k)
+        if reached.size == 0:
+            continue
+        at = (reached[:, None] * k + np.arange(k)).ravel()
+        s, weight = point.s[fine, None], all_weights[fine]
+        scaled = q[fine][:, at].toarray() * spread[reached].ravel() / s
+        real, imaginary = np.ascontiguousarray(scaled.real), np.ascontiguousarray(scaled.imag)
+        moved = -2.0 * (np.abs(s) ** 2 * real).reshape(-1, count, at.size).mean(axis=1) / change[span, None]
+        slope[reached] += (pull[span] @ moved - weight @ real).reshape(-1, k)
+        fisher[reached] += products(real, weight[:, None] * real, k)
+        fisher[reached] -= products(imaginary, weight[:, None] * imaginary, k)
+        information[reached] += products(moved, stiff[span, None] * moved, k)
     values, vectors = np.linalg.eigh(fisher)
-    information[reached] = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
-    information[reached] += products(moved, stiff[:, None] * moved, k)
-    return slope, information
+    return slope, information + (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
 
 
 def gains(rows: Rows, columns: Columns, found: Posterior, candidates: Sequence[Columns]) -> FloatArray:
