@@ -206,6 +206,23 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
                    csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 
+def carried_over(problem: EquationError, near: Candidate, terms: Sequence[Term], columns: Columns) -> Posterior:
+    """Return the unknowns of a set as another one has them; a term that this has not is at its prior."""
+    first, places = problem.base.count, dict[int, range]()
+    for term in near.terms:
+        places[id(term)] = range(first, first + term.columns.count)
+        first += term.columns.count
+    wanted = [*range(problem.base.count)]
+    for term in terms:
+        wanted += places.get(id(term), [-1] * term.columns.count)
+    at = np.array(wanted)
+    known = np.flatnonzero(at >= 0)
+    mean, covariance = np.zeros(at.size), np.diag(columns.spread**2)
+    mean[known] = near.posterior.mean[at[known]]
+    covariance[np.ix_(known, known)] = near.posterior.covariance[np.ix_(at[known], at[known])]
+    return replace(near.posterior, mean=mean, covariance=covariance)
+
+
 def own_force(problem: EquationError, candidate: Candidate, r: int) -> FloatArray:
     """Return the force in one record of effects with numbers of each record's own, shape (n, nt)."""
     run, at = problem.runs[r], problem.base.count

@@ -66,8 +66,9 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
     error. Newton's method with Fisher's information of both, which is made anew where the last one has not brought
     three quarters of what was to be gained; a step is halved until it climbs. Without a start it is zero or the least
     squares' solution with the model's numbers as they are, whichever is higher: between them the impedance may vanish
-    somewhere, as that of a body which only its mooring restores. It ends where less than `accuracy` of log likelihood
-    is to be gained. `stretch` multiplies the prior standard deviations.
+    somewhere, as that of a body which only its mooring restores. A start without information, which is another set's,
+    is held against the least squares, too. It ends where less than `accuracy` of log likelihood is to be gained.
+    `stretch` multiplies the prior standard deviations.
     """
     spread, n = spreads(rows, columns, sizes, stretch), columns.count
     layout = layout or Layout(rows, columns)
@@ -90,15 +91,13 @@ def solve(rows: Rows, columns: Columns, sizes: Sizes, iterations: int = 20, star
         head += point.impedance_information(rows, bends, spread[:n])
         return Arrow.of(head, sides, blocks)
 
-    if start is None:
-        beta, arrow = np.zeros(spread.size), None
-        point = at(beta)
-        W, free = rows.power / point.variance, np.where(factor_of(rows, columns) == TOLERANCE, 0.0, spread)
+    zero = np.zeros(spread.size)
+    beta = zero if start is None else np.concatenate([start.mean, start.own_mean]) / spread
+    arrow, point = None if start is None else start.arrow, at(beta)
+    if arrow is None:
+        W, free = rows.power / at(zero).variance, np.where(factor_of(rows, columns) == TOLERANCE, 0.0, spread)
         flat = Arrow.of(*packed.information(W, free)).solve(free * packed.back(W * rows.error))
         point, beta = max((point, beta), (at(flat), flat), key=lambda pair: pair[0].height)
-    else:
-        beta, arrow = np.concatenate([start.mean, start.own_mean]) / spread, start.arrow
-        point = at(beta)
     fresh, left = False, float("inf")  # whether the information is that at the point; twice what is still to be gained
     for _ in range(iterations):
         slope = slope_at(point, beta)
@@ -185,10 +184,10 @@ class Point:
 
 
 def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15,
-          accuracy: float = 0.03, nuisances: int = 0) -> Posterior:
+          accuracy: float = 0.03, nuisances: int = 0, near: Posterior | None = None) -> Posterior:
     """Return the posterior at the most probable sizes, its evidence with their prior and with limits of strengths.
 
-    The first `nuisances` columns are no strengths.
+    The first `nuisances` columns are no strengths. The climb begins at the unknowns of `near`, those of another set.
 
     The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence; with
     no step they stay.
@@ -229,15 +228,16 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
     bounds = [*zip(centre - 5 * width, centre + 5 * width)]
     bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:-1]), (np.log(prior.exact), 0.0)
     climbed, stretch = rows, np.ones(1)
-    first = solved(start.vector, None)
+    first = near or solved(start.vector, None)
     climbed, stretch = in_proportion(rows, columns, first, nuisances)
     if steps:
         minimize(negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
                  options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
     reached = highest[-1][1] if steps else solved(start.vector, first)
-    x = reached.sizes.vector
-    climbed, stretch = in_proportion(rows, columns, reached, nuisances)
-    found = solved(x, reached)
+    x, found = reached.sizes.vector, reached
+    if steps or near is None:
+        climbed, stretch = in_proportion(rows, columns, reached, nuisances)
+        found = solved(x, reached)
     value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(found, columns)
     return replace(found, log_evidence=float(value), arrow=None)
 

@@ -16,7 +16,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
-from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, twins
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, carried_over, twins
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, SizePrior, Sizes, joined
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import learn, solve
@@ -134,7 +134,8 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
                       if not (parents and frozenset(t) in tried)
                       and not any(pair <= {term.key for term in t} for pair in same)]
             tried |= {frozenset(t) for t in wanted}
-            rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False) for t in wanted]
+            rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False, near=parent)
+                     for t in wanted]
             top = max((c.log_probability for c in rough), default=0.0) - rules.slack
             for c in rough:
                 new = own_sizes(problem, c, rules, present) if c.log_probability >= top else c
@@ -172,7 +173,8 @@ def best_first(solved: Mapping[Keys, Candidate]) -> list[Candidate]:
 
 def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str]) -> Candidate:
     """Return a set with all sizes learned for it, from stated tolerances on."""
-    return solve_set(problem, candidate.terms, replace(candidate.posterior.sizes, tolerance=0.0), rules, present)
+    sizes = replace(candidate.posterior.sizes, tolerance=0.0)
+    return solve_set(problem, candidate.terms, sizes, rules, present, near=candidate)
 
 
 def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
@@ -238,12 +240,13 @@ def start_sizes(problem: EquationError) -> Sizes:
 
 
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
-              present: Sequence[str] = (), learned: bool = True) -> Candidate:
-    """Return a set of effects with all sizes learned, or with `sizes` as they are."""
+              present: Sequence[str] = (), learned: bool = True, near: Candidate | None = None) -> Candidate:
+    """Return a set of effects with all sizes learned, or with `sizes` as they are, from the unknowns of one `near`."""
     rules = rules or SearchRules()
     columns = joined([problem.base, *(term.columns for term in terms)])
     none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out
     posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, nuisances=problem.base.count,
+                              near=None if near is None else carried_over(problem, near, terms, columns),
                               **({} if learned else {"steps": 0})),
                         variance=none, noise=none, residual=none)
     prior = sum(log_prior(term, rules, present) for term in terms)
