@@ -284,3 +284,20 @@ def test_bad_lines_are_refused_with_a_clear_word():
 def test_the_guide_names_every_effect():
     text = (Path(__file__).parents[1] / "docs" / "guide" / "effects.md").read_text(encoding="utf-8")
     assert [name for name in EVERY if f"`{name}`" not in text] == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lines_pull_back_by_their_even_powers_however_far_the_body_is_off(seed):
+    lines, rng = effect_named("mooring_lines"), np.random.default_rng(seed)
+    scales = Scales(1.0, 0.6, 0.4, 1.0, 2.0, 0.6, 100.0)
+    even = [name for name in lines.parameters if all(name.split("_").count(d) % 2 == 0 and d in ("Surge", "Sway", "Yaw")
+                                                     for d in name.split("_"))]
+    assert {"Surge_Surge", "Yaw_Yaw", "Surge_Surge_Sway_Sway"} < set(even)
+    numbers = dict.fromkeys(lines.parameters, 0.0) | {
+        name: max(slab(lines, name, scales).lower, float(rng.normal())) for name in even}
+    off = 10.0 * rng.normal(size=3)
+    motions = [SimpleNamespace(x=x, dof=dof) for x, dof in zip(off, ("Surge", "Sway", "Yaw"))]
+    for motion in motions:
+        motion.all = motions
+    force = np.array(lines.force(motions[0], SimpleNamespace(**numbers)), dtype=float)
+    assert np.all(force * off <= 0.0) and np.any(force)
