@@ -248,7 +248,8 @@ def recorded_noise(model: Model, run: MeasuredMotion, i: int, at: FloatArray) ->
         time = run.record.time
         step = float(np.median(np.diff(time)))
         values = whole(time, recorded[0], np.arange(time[0], time[-1] + 0.5 * step, step))
-    return np.asarray(coloured_noise(values, step, run.omega[i], at) * np.sqrt(step / run.dt))
+    fastest = max(float(run.omega[i]), driven_up_to(model, run.record, i))  # of force and motion
+    return np.asarray(coloured_noise(values, step, fastest, at) * np.sqrt(step / run.dt))
 
 
 def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:
