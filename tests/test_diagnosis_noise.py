@@ -322,9 +322,8 @@ def test_a_coupled_inertia_is_found_whatever_the_sizes_of_the_motions():
     assert effect.name == "coupling_inertia" and abs(value - lacking) < 3.0 * deviation < 1.2
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(seed):
-    """Steady motion in closed form: X is off by 2 % everywhere, at a phase that turns three times over the sea."""
+def by_elevation(seed, error):
+    """Return the diagnosis of steady heave in closed form, X off by a relative complex error of the frequency."""
     rng, omega = np.random.default_rng(seed), np.linspace(0.05, 12.0, 240)
     a, b, c = np.array([[-1.5, -4.0], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]])
     data = data_of(a, b, c, omega).replace(X=8.0 * np.exp(-0.1 * omega**2)[:, None, None], directions=[0.0],
@@ -335,10 +334,26 @@ def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(
         time, w = np.arange(0.0, 400.0, 0.1), rng.uniform(0.8, 3.2, 60)
         waves = 0.02 * (rng.normal(size=60) + 1j * rng.normal(size=60)) * np.exp(1j * np.outer(time, w))
         Z = 16.0 - w**2 * (model.M + model.A_inf)[0, 0] + 1j * w * model.fit.frequency_response(w)[:, 0, 0]
-        wrong = 0.02 * np.exp(1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8))
-        heave = (waves @ (8.0 * np.exp(-0.1 * w**2) * (1.0 + wrong) / Z)).real
+        heave = (waves @ (8.0 * np.exp(-0.1 * w**2) * (1.0 + error(w)) / Z)).real
         read = heave + 0.002 * heave.std() * rng.normal(size=time.size)
         return rss.Record(time, {"Heave": read, "wave_elevation": waves.sum(axis=1).real}, kind="waves", name=name)
 
-    found = rss.diagnose(model, [sea("a"), sea("b")], withhold=sea("c"))
+    return rss.diagnose(model, [sea("a"), sea("b")], withhold=sea("c"))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(seed):
+    """X is off by 2 % everywhere, at a phase that turns three times over the sea."""
+    found = by_elevation(seed, lambda w: 0.02 * np.exp(1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8)))
     assert found.verdict.status == "no_gap" and found.how_far.gap_before == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(seed):
+    """A complex Gaussian process over log2 w, 2 % rms, whose correlation falls in .7 octaves."""
+    octaves = np.linspace(-1.0, 2.5, 60)
+    apart = np.subtract.outer(octaves, octaves) / 0.7
+    process = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-8 * np.eye(60))
+    values = 0.02 / np.sqrt(2.0) * process @ (np.random.default_rng([seed, 1]).normal(size=(60, 2)) @ [1.0, 1j])
+    found = by_elevation(seed, lambda w: np.interp(np.log2(w), octaves, values))
+    assert not found.verdict.effects and found.verdict.status != "unknown_effect"

@@ -115,7 +115,10 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
     sets = likely_sets(found, 1.0 - rules.credible, rules.told, pair.candidate.keys)
-    rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * ledger.grown > rules.matters**2
+    # A force by the elevation is as sure as its tolerance at each frequency, and so is what is predicted with it.
+    by_waves = any("wave_elevation" in r.channels and r.get("force", dofs) is None for r in data.unseen)
+    allowed = np.hypot(rules.matters, data.tolerated["force"] * by_waves)
+    rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * ledger.grown > allowed**2
     left = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)
     # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
     odd = float(np.sqrt(min(ledger.unexplained, 1.0)) if beside.missed else min(ledger.unexplained, 1.0))

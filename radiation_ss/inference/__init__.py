@@ -5,7 +5,8 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "effect_features": "features",
     "candidates": "terms_of unseen_strengths",
-    "equation": "compliance equation_error",
+    "equation": "equation_error",
+    "motion_rows": "compliance",
     "kalman": "innovations log_likelihood",
     "laplace": "find_peak sample Target",
     "linear_model": "Columns Rows Sizes joined",

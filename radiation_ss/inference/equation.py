@@ -9,13 +9,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, make_smoothing_spline
 from scipy.signal import fftconvolve
 
-from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.body.dynamics import impedance
+from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined, variance
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.own import BEFORE, COHERENT, OFFSET, TOLERANCE, Own
@@ -141,7 +140,7 @@ def own_columns(problem: EquationError, r: int, tolerance: Mapping[str, float], 
         size = problem.scales[model.dofs[i]].force
         found = record_columns(problem, run, int(i), size, discrepancy)
         found += [(label, values, discrepancy.by_record * tolerance["force"], TOLERANCE)
-                  for label, values in force_errors(model, run, int(i))]
+                  for label, values in force_errors(model, run, int(i)) + shape_errors(model, run, int(i))]
         for label, values, spread, factor in found:
             forces.append({int(i): values})
             labels.append(f"{label}|{model.dofs[i]}|{name}")
@@ -220,6 +219,25 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
     return [("force of the record", run.force[i]), ("phase of the record", late)]
 
 
+def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.75,
+                 least: float = 0.01) -> list[tuple[str, FloatArray]]:
+    """Return what smooth errors of X would add to a force that the model makes of the elevation, in size and phase.
+
+    Between centres so far apart they go linearly. `least`: share of the force's energy about a centre that counts.
+    """
+    if run.force is None or run.record.kind != "waves" or run.record.get("force", model.dofs) is not None:
+        return []
+    spectrum = np.fft.rfft(run.force[i] - run.force[i].mean(), 2 * run.time.size)
+    at = np.log2(np.maximum(2.0 * np.pi * np.fft.rfftfreq(2 * run.time.size, run.dt), 1e-9) / run.omega[i]) / octaves
+    found, energy = [], np.abs(spectrum) ** 2
+    for k in range(int(np.floor(at[1])), int(np.ceil(at[-1])) + 1):
+        near = np.clip(1.0 - np.abs(at - k), 0.0, 1.0)
+        if near @ energy > least * energy.sum():
+            found += [(f"X {k} {word}", np.fft.irfft(near * turned * spectrum)[: run.time.size])
+                      for word, turned in (("size", 1.0), ("phase", 1j))]
+    return found
+
+
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[list[Columns], list[str]]:
     """Return cubic polynomials of displacement and velocity, the same in all records."""
     parts, labels = [], []
@@ -261,48 +279,3 @@ def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], sca
     if not run.prescribed:
         response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
-
-
-def weights_of_motion(problem: EquationError, columns: Columns, posterior: Posterior) -> dict[Place, FloatArray]:
-    """Return the inverse standard deviation of each row of the motion: noise, and unexplained force through Z."""
-    _, relative_part, steady = variance(problem.rows, posterior.sizes)
-    force, relative = relative_part + steady, columns.relative @ posterior.mean
-    found, at = dict[Place, FloatArray](), 0
-    for r, run in enumerate(problem.runs):
-        count = run.omega_fine.size * problem.model.n
-        change, at = relative[at:at + count].reshape(run.omega_fine.size, -1), at + count
-        if run.prescribed:
-            continue
-        soft = compliance(problem.model, run, change)
-        for place in problem.places:
-            if place.record != r or place.order >= 0:
-                continue
-            i = place.dof
-            noise = np.tile(run.noise[i, : place.bins] ** 2, len(run.basis)) * np.exp(2 * posterior.sizes.noise[i])
-            moved_by = force[place.rows].reshape(len(run.basis), -1) @ soft[i, : place.bins, : place.bins].T
-            found[place] = np.sqrt(problem.rows.power[place.rows] / (noise + moved_by.ravel()))
-    return found
-
-
-def compliance(model: Model, run: MeasuredMotion, change: ComplexArray | None = None,
-               most: int = 1 << 16) -> FloatArray:
-    """Return the variance of each motion's rows by a unit of variance in each bin of its force, shape (n, bins, bins).
-
-    A resonance is narrower than a bin, and seen in the tails of other bins' windows. No peak is narrower than the
-    record is long: what it shows of the response is that with a rate of decay 1/T more. `change` (nw, n): by how much
-    of itself each motion's impedance is less at `omega_fine`, as the damping of an effect makes it. `most`: frequencies
-    at most.
-    """
-    block, T = run.basis[len(run.basis) // 2], run.time[-1] - run.time[0]
-    size = min(1 << int(np.ceil(np.log2(2.0 * np.pi * max(run.time.size, block.g.shape[1])))), most)
-    at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
-    at = at[at <= block.omega[-1] + block.omega[0]]
-    power = np.abs(np.fft.rfft(block.g, size, axis=1)[:, : at.size]) ** 2
-    power /= np.sum(power, axis=1)[:, None]
-    inertia, w = model.M + model.A_inf, at[:, None, None]
-    Z = np.einsum("wii->iw", impedance(model, at) + (2j * w + 1.0 / T) / T * inertia)
-    if change is not None:
-        less = change * np.einsum("wii->wi", impedance(model, run.omega_fine))
-        Z = Z - np.stack([np.interp(at, run.omega_fine, column) for column in less.T])
-    first = np.searchsorted(at, 0.5 * (block.omega[1:] + block.omega[:-1]))
-    return np.stack([np.add.reduceat(power * one, np.r_[0, first], axis=1) for one in np.abs(Z) ** -2.0])

@@ -41,7 +41,8 @@ class Discrepancy:
     mixing: float = 0.003
     # Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric
     symmetry: float = 1e-4
-    # Error of the force that differs from record to record, in size and phase, of the stated tolerance
+    # Error of the force that differs from record to record, in size and phase, of the stated tolerance; of one that
+    # the model makes of the elevation in each half octave, too
     by_record: float = 0.5
     # Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows count
     # by the energy of the motion around them.

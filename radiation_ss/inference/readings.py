@@ -65,7 +65,7 @@ class Grid:
         At frequencies `at` [rad/s] if given, by its colour.
         """
         own = np.interp(self.own, time, values)
-        level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at)
+        level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at, white=9.0)
         return np.asarray(level * np.sqrt(self.split / self.keep))
 
 
@@ -220,12 +220,13 @@ def spectra(values: FloatArray, dt: float, omega: float, segments: int
     return at, power, (at[far], power[far]), float(middle)
 
 
-def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, segments: int = 8) -> FloatArray:
+def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, white: float = 1.0,
+                   segments: int = 8) -> FloatArray:
     """Return the standard deviations a sample of white noise as strong as a signal's at frequencies `at` [rad/s].
 
     Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), by the spectrum far above the motion, where the motion
     itself may leave a tail, w^-6: the mean of all colours, each as probable as it fits the logarithms: many may fit.
-    Every other sensor's noise is white, and every other motion has no tail. Nowhere more than the signal itself shows
+    `white`: odds that it has none, by prior; every other motion has no tail. Nowhere more than the signal itself shows
     within half an octave to either side.
     """
     _, _, (high, far), middle = spectra(values, dt, omega, segments)
@@ -240,7 +241,7 @@ def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, 
     flat = far / (shape(high) + tails[:, None] * shape(high[:1]) * (high / high[0]) ** -6.0)
     # A mean of k squares of two normal numbers has a logarithm of variance 1 / k; under Hann's window bins go in pairs.
     fits = -0.25 * segments * high.size * np.var(np.log(flat), axis=1)
-    weights = np.exp(fits - fits.max()) * np.where(colours > 0.0, 1.0, 19.0) * np.where(tails > 0.0, 1.0, 11.0)
+    weights = np.exp(fits - fits.max()) * np.where(colours > 0.0, 1.0, 19.0 * white) * np.where(tails > 0.0, 1.0, 11.0)
     density = weights @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle / weights.sum()
     frequency, power = periodogram(values, 1.0 / dt, "hann")
     near = np.abs(np.log2(np.maximum(2.0 * np.pi * frequency, 1e-300) / at[:, None])) <= 0.5

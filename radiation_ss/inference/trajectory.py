@@ -13,9 +13,9 @@ from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, scales_at, unseen_strengths
-from radiation_ss.inference.equation import weights_of_motion
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.inference.simulated import SimulatedRecords, begun
@@ -91,7 +91,8 @@ class Trajectories:
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
         self.added: list[list[FloatArray]] = like.added if like else [
-            self._errors(r, p, zero, simulated.moved(r, unexplained)) for r, p in zip(self.records, self.prepared)]
+            self._errors(r, p, zero, simulated.moved(r, unexplained, scale * tolerance["force"]))
+            for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
