@@ -42,7 +42,7 @@ class Discrepancy:
     # Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric
     symmetry: float = 1e-4
     # Error of the force that differs from record to record, in size and phase, of the stated tolerance; of one that
-    # the model makes of the elevation in each half octave, too
+    # the model makes of the elevation in each of its bands, too
     by_record: float = 0.5
     # Number of rows beyond which more of them say little new: likelihoods are taken to 1/(1 + N/saturation). Rows count
     # by the energy of the motion around them.

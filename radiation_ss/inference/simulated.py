@@ -17,6 +17,7 @@ from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.rollout import Rollout
 from radiation_ss.simulation.run import alike
@@ -94,27 +95,38 @@ class SimulatedRecords:
         both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
         return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
 
-    def moved(self, r: int, unexplained: bool, tolerance: float) -> FloatArray:
-        """Return motions of the corrected body (k, n, nt) by forces that the simulation lacks, of one standard
-        deviation each. `tolerance`: relative standard deviation of the force.
-        """
+    def moved(self, r: int, unexplained: bool) -> FloatArray:
+        """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
         problem, run = self.problem, self.problem.runs[r]
-        n, sizes = problem.model.n, self.candidate.posterior.sizes
+        (F, G), n, sizes = problem.model.matrices(), problem.model.n, self.candidate.posterior.sizes
+        step, first, at_rest = exact_step(F, G, run.dt), F.shape[0] - 2 * n, np.zeros(F.shape[0])
         free = [int(i) for i in np.flatnonzero(run.free)]
         acting = [(i, values) for i in free if unexplained for values in unexplained_forces(problem, run, i, sizes)]
         acting += [(i, values) for i in free for values in noise_at_resonance(problem.model, run, i)]
-        acting += [(i, problem.discrepancy.by_record * tolerance * values)
-                   for i in free for _, values in shape_errors(problem.model, run, i)]
-        forces = [np.where(np.arange(n)[:, None] == i, values, 0.0) for i, values in acting]
+        forces = [np.where(np.arange(n) == i, values[:, None], 0.0) for i, values in acting]
         if LEFT_OUT in problem.labels:
-            forces.append(radiation_left_out(problem.model, run).force)
+            forces.append(radiation_left_out(problem.model, run).force.T)
+        moved = [propagate(step, force, at_rest)[:, first:first + n].T for force in forces]
+        return np.array(moved).reshape(-1, n, run.time.size)
+
+    def moved_by_waves(self, r: int, tolerance: float) -> FloatArray:
+        """Return motions of the corrected body (k, n, nt) by errors of X, of one standard deviation each.
+
+        `tolerance`: relative standard deviation of the force.
+        """
+        problem, run, n = self.problem, self.problem.runs[r], self.problem.model.n
+        forces = [np.where(np.arange(n)[:, None] == i, values, 0.0) for i in map(int, np.flatnonzero(run.free))
+                  for _, values in shape_errors(problem.model, run, i)]
+        if not forces:
+            return np.zeros((0, n, run.time.size))
         columns = joined([problem.base, *(term.columns for term in self.candidate.terms)])
         change = changes_of_impedance(problem, columns, self.candidate.posterior)[r]
         size = 4 * run.time.size
         at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
         Z = stiffened(problem.model, run, at, change)
-        moved = np.linalg.solve(Z, np.fft.rfft(np.array(forces).reshape(-1, n, run.time.size), size).transpose(2, 1, 0))
-        return np.asarray(np.fft.irfft(moved.transpose(2, 1, 0), size)[..., : run.time.size])
+        moved = np.linalg.solve(Z, np.fft.rfft(np.array(forces), size).transpose(2, 1, 0))
+        share = problem.discrepancy.by_record * tolerance
+        return np.asarray(share * np.fft.irfft(moved.transpose(2, 1, 0), size)[..., : run.time.size])
 
 
 def begun(problem: EquationError, rollout: Rollout, r: int) -> FloatArray:

@@ -91,7 +91,8 @@ class Trajectories:
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
         self.added: list[list[FloatArray]] = like.added if like else [
-            self._errors(r, p, zero, simulated.moved(r, unexplained, scale * tolerance["force"]))
+            self._errors(r, p, zero, np.concatenate([simulated.moved(r, unexplained),
+                                                     simulated.moved_by_waves(r, scale * tolerance["force"])]))
             for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
