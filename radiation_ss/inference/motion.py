@@ -47,6 +47,7 @@ class Resolution:
     levels: int = 600  # Samples of a static test that are kept; longer ones are averaged
     # Least standard deviation of a sensor's noise, of the motion's rms: sensors are not better than that
     noise_floor: float = 2e-4
+    white: float = 9.0  # Odds by prior that the noise of a motion's sensor is white
     alike: int = 64  # Intervals of a record from which they share their test functions: memory does not grow with it
 
 
@@ -156,7 +157,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
             raw[i] = averaged(values, grid.keep)
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
-            level = grid.noise(*f[1:], omega[i], None if still else basis[0].omega)
+            level = grid.noise(*f[1:], omega[i], None if still else basis[0].omega, resolution.white)
             noise[i] = np.maximum(level / omega[i] ** f[0], floor)
     if still:
         states = np.zeros((model.fit.states, time.size))

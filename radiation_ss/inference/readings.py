@@ -59,13 +59,14 @@ class Grid:
             return np.asarray(np.interp(self.even, time, values))
         return np.asarray(CubicSpline(time, values)(np.clip(self.even, time[0], time[-1])))
 
-    def noise(self, time: FloatArray, values: FloatArray, omega: float, at: FloatArray | None = None) -> FloatArray:
+    def noise(self, time: FloatArray, values: FloatArray, omega: float, at: FloatArray | None = None,
+              white: float = 1.0) -> FloatArray:
         """Return the standard deviation of white noise a sample of the grid that has the density of the readings'.
 
-        At frequencies `at` [rad/s] if given, by its colour.
+        At frequencies `at` [rad/s] if given, by its colour: see `coloured_noise`.
         """
         own = np.interp(self.own, time, values)
-        level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at, white=9.0)
+        level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at, white)
         return np.asarray(level * np.sqrt(self.split / self.keep))
 
 
