@@ -225,7 +225,7 @@ def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.7
 
     Between centres so far apart they go linearly. `least`: share of the force's energy about a centre that counts.
     """
-    if run.force is None or run.record.kind != "waves" or run.record.get("force", model.dofs) is not None:
+    if run.force is None or run.prescribed or not run.record.force_from_elevation(model.dofs):
         return []
     spectrum = np.fft.rfft(run.force[i] - run.force[i].mean(), 2 * run.time.size)
     at = np.log2(np.maximum(2.0 * np.pi * np.fft.rfftfreq(2 * run.time.size, run.dt), 1e-9) / run.omega[i]) / octaves

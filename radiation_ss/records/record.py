@@ -184,6 +184,14 @@ class Record(Shown):
         absent = np.full(self.time.size, 0.0 if at_rest else np.nan)
         return np.stack([self.channels.get(dof + suffix, absent) for dof in dofs])
 
+    def force_from_elevation(self, dofs: Sequence[str]) -> bool:
+        """Return whether the force on some motions can come from `wave_elevation` only: none is recorded.
+
+        >>> record.force_from_elevation(["Heave"])
+        False
+        """
+        return "wave_elevation" in self.channels and self.get("force", dofs) is None
+
     def window(self, start: float, end: float) -> Record:
         """Return the part with start <= time < end [s].
 

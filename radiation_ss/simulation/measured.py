@@ -197,7 +197,7 @@ def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: 
     sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval); an even one reaches sqrt(3) times its root.
     `longest`: share of a record that is left out at either end at most.
     """
-    if record.get("force", model.dofs) is not None or "wave_elevation" not in record.channels:
+    if not record.force_from_elevation(model.dofs):
         return 0.0
     least = periods * 2.0 * np.pi / mean_frequency(record.time, record.channels["wave_elevation"])
     length = float(record.time[-1] - record.time[0])
@@ -227,8 +227,7 @@ def coarse_excitation(model: Model, record: Record, *, turn: float = 1.0, share:
     `turn` [rad]: at .8 a cubic is off by 1 %, at 2 by half; with a `share` of the force's power; `slight` is rounding.
     """
     known = model.hydro
-    if (known is None or known.X is None or known.omega.size < 2 or "wave_elevation" not in record.channels
-            or record.get("force", model.dofs) is not None):
+    if known is None or known.X is None or known.omega.size < 2 or not record.force_from_elevation(model.dofs):
         return ()
     said = []
     X, sea, omega = force_of_waves(model, record), sea_powers(known, record), known.omega
