@@ -5,8 +5,6 @@ hydro -> fit -> body -> waves -> records -> effects -> simulation -> inference -
 -> design -> report.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

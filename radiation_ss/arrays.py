@@ -1,7 +1,5 @@
 """Small helpers for frozen dataclasses that hold arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 

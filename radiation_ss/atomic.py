@@ -1,7 +1,5 @@
 """Files that are there whole or not at all: written beside, flushed to the disk, then put in place."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets

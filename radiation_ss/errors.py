@@ -1,7 +1,5 @@
 """The package's own errors: one clear sentence each."""
 
-from __future__ import annotations
-
 
 class RadiationError(Exception):
     """Base class of every error that the package raises on purpose.

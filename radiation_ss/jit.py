@@ -1,7 +1,5 @@
 """numba's compiler with the package's options, cached on disk where the disk lets us, and safe against damage there."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import pickle

@@ -5,8 +5,6 @@ names the function that does the work; it gets the object as its first argument.
 imports them. To add one: a line in LATER and the function in its module (pictures, files of results: report/).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module

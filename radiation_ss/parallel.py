@@ -1,7 +1,5 @@
 """Jobs on any executor, handed out a bounded number ahead; linear algebra held to one core."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from functools import wraps

@@ -1,7 +1,5 @@
 """Files that are read: whatever is wrong with one becomes one sentence with its path."""
 
-from __future__ import annotations
-
 import gc
 import json
 import sys

@@ -1,7 +1,5 @@
 """The units that a file may state, and what one of each is in SI."""
 
-from __future__ import annotations
-
 import re
 
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86400.0}

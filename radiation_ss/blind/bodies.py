@@ -1,7 +1,5 @@
 """Random floating bodies: what the model file says of them and what they really are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sealed cases: a random body, a set of records, a hidden cause of stated strength, or none."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The hidden causes: which law, how strong, what the library would call it, and where a record can show it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

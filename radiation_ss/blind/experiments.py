@@ -1,7 +1,5 @@
 """The tests that a body is put through: what happens, and what the sensors write down."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -3,8 +3,6 @@
 Written apart from `simulate` on purpose: what checks the diagnosis must not share its integrator or its formulas.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Generate sealed cases, have them diagnosed in processes of their own, keep the answers."""
 
-from __future__ import annotations
-
 import json
 import secrets
 import time

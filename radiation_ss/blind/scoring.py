@@ -1,7 +1,5 @@
 """Open the seal and score a blind run: the table of goals, for each kind of record and for each kind of body."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """The folder of a blind run: its seal, the lock that the diagnosis cannot open, its answers beside opened labels."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

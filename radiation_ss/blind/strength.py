@@ -1,7 +1,5 @@
 """How strong a hidden cause is made: by the gap that it leaves after retuning every nominal number in tolerance."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

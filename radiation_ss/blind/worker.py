@@ -1,7 +1,5 @@
 """Tasks of a blind run in diagnosing processes: python -m radiation_ss.blind.worker FOLDER TASK... [--attached]."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 The package is called as a function, so that `rss.body` is both: see `radiation_ss.body.make.body`.
 """
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType
 from typing import Any

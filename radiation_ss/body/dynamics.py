@@ -1,7 +1,5 @@
 """Dynamics of a linear body: natural modes, the radiation model that they need; exact steps, and back; the text."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A model in one line, from what a decay, an inclining test or a section's offsets give."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line: its verbs and their options, and their completion in bash and zsh."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import warnings

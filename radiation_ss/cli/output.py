@@ -3,8 +3,6 @@
 Results go to standard output; errors, warnings, notes and progress are log records of one line on standard error.
 """
 
-from __future__ import annotations
-
 import _thread
 import argparse
 import json

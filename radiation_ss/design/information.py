@@ -1,7 +1,5 @@
 """Fisher information: of planned tests by what their sensors read, of records at hand by their equation error."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What records can tell apart, before any fit: the Fisher information of every effect beside the nominal numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Standard tests of a tank, simulated from the model alone, and how their readings change with what may be wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import factorial

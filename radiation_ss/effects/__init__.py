@@ -1,7 +1,5 @@
 """Effects that a linear model leaves out: an open library."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache

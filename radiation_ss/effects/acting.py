@@ -1,7 +1,5 @@
 """What an effect does on the degrees of freedom of a model: the one place where its signals are put together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, NamedTuple

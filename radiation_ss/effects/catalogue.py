@@ -1,7 +1,5 @@
 """The effects that the package knows, each defined once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Further effects: of waves and viscous flow, of joints between two bodies, of machinery, of material, of time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

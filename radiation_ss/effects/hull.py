@@ -1,7 +1,5 @@
 """Hydrostatic restoring, and Froude-Krylov force in long waves, from the shape of a hull up to its deck."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Mooring lines: the horizontal restoring as a polynomial, and from the catenary of each line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

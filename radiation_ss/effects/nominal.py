@@ -1,7 +1,5 @@
 """The model's own numbers, free within their tolerance: the same kind of thing as an effect, with relative values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

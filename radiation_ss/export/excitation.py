@@ -5,8 +5,6 @@ HydroDyn integrates x' = A x + B eta(t + tc) with the wave elevation eta at the 
 ahead: X(w) = C (i w I - A)^-1 B exp(i w tc).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

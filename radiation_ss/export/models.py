@@ -1,7 +1,5 @@
 """Radiation models in the file forms of other tools: OpenFAST, BEMIO, MATLAB."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Source by CasADi: a model with effects as an FMI 3.0 unit, or it and the live filter as C without a heap."""
 
-from __future__ import annotations
-
 import contextlib
 import platform
 import shutil

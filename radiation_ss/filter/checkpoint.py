@@ -3,8 +3,6 @@
 The file appears whole or not at all, and carries a digest of its contents.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -7,8 +7,6 @@ iterated ensemble Kalman smoother of Sakov, Oliver and Bertino 2012, its members
 enter as they are, not linearised. The work comes in pieces, so that live samples are never kept waiting.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ row by row, because a view of a row costs as much as the arithmetic on it. The N
 is benchmarks/filter_by_numpy.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba.cpython.unsafe.tuple import tuple_setitem
 

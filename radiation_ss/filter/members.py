@@ -6,8 +6,6 @@ any: a least-distance program (Lawson and Hanson 1974, ch. 23) whose rows are th
 Re K at the frequencies met so far, solved again until no frequency is left.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

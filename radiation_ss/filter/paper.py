@@ -5,8 +5,6 @@ at state i; then state and parameters of member i by displacement and velocity. 
 units.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many runs of one study: over seeds, in one process or on any executor, streamed to disk, resumable."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import pickle

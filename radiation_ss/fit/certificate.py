@@ -1,7 +1,5 @@
 """Proof of a model's stability and passivity, without a grid of frequencies."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

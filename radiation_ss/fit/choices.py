@@ -1,7 +1,5 @@
 """What a fit chooses: samples that count less, points that K can be met at, and the order, by held-out frequencies."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

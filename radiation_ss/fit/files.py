@@ -1,7 +1,5 @@
 """Fits on disk: the package's own .json; the forms of other tools are handed to `radiation_ss.export`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from importlib import import_module

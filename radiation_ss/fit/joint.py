@@ -8,8 +8,6 @@
 4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -10,8 +10,6 @@ Levenberg-Marquardt, or L-BFGS where the Jacobian is too large; then by IPOPT
 Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Levenberg-Marquardt ended.
 """
 
-from __future__ import annotations
-
 import io
 import signal
 import sys

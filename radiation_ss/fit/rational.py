@@ -1,7 +1,5 @@
 """Small state-space and rational models: vectorised evaluation, canonical and balanced forms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rational functions of one entry: Sanathanan-Koerner starts, spectral factors, and the paper's own fit (8)."""
 
-from __future__ import annotations
-
 from functools import reduce
 
 import numpy as np

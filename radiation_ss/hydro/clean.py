@@ -1,7 +1,5 @@
 """Coefficients repaired, only as asked for and with the change in the notes, or moved; what follows from them."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Measures that the check and the cleaning of coefficients share; what the excitation force must be in long waves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ Haskind: the forces of waves from all headings give the damping, B_ij = k / (8 p
 v_g the group speed (Newman 1977, Marine Hydrodynamics, chapter 6); a wrong unit, column, heading or depth breaks it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

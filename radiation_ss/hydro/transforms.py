@@ -4,8 +4,6 @@ Between the given frequencies the data are a cubic spline; above the last one a 
 below the first one a parabola through the first three. What the two continuations contribute is reported, not hidden.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

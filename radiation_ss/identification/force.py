@@ -5,8 +5,6 @@ formed here from the covariance functions directly (what a Rauch-Tung-Striebel s
 spectrum is written as a shaping filter), so that the spectrum needs no rational approximation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The method "spectral", motion only: families of seas compete, each climbed to its modes, weighed and mixed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Which subsystems are passive, and the nearest one that is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from radiation_ss.arrays import FloatArray

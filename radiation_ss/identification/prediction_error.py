@@ -6,8 +6,6 @@ ask instead for the one shape that the departure would have, with all other para
 -c x^3, with x and v as the model's own filter has them. What is asked for is named, and taken out of A and B.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ A departure is a sum of smooth bumps of the log spectrum whose size is itself un
 family is a straight line in log S over log w, between two edges of any steepness, with a departure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Motion only: likelihood of the motion's spectrum under an unknown sea and Haskind's relation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

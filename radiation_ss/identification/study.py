@@ -1,7 +1,5 @@
 """What each identification method is given (options, model, prior, records) and hands back."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Records as CSV text, plain or gzipped, read and written in pieces; the comments above their header."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io

@@ -1,7 +1,5 @@
 """What looks wrong with a record: unit slips, dead and clipped channels, a decay that is held at first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Records from and to files: CSV with units in the header, gzipped CSV, Parquet."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence

@@ -1,7 +1,5 @@
 """From what sensors measured to what a record holds: probes elsewhere, accelerometers, degrees, other clocks."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Signals of a record: spectra, columns of one degree of freedom compared with each other (wrong units), gaps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """CasADi expressions as lists of instructions that run over many samples at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether the motion goes with the force that is said to cause it: a sign, a phase or a unit of one is off."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Where a record's waves go to: the direction of X that makes its force."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

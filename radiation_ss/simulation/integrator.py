@@ -4,8 +4,6 @@ Compiled once for all models: the equations come as lists of CasADi's instructio
 are positions in `compiled.OPERATIONS`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

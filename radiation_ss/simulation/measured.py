@@ -2,8 +2,6 @@
 and how far from its ends the force of the elevation is known.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

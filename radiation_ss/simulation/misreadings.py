@@ -1,7 +1,5 @@
 """Whether a record fits the model far better with two columns exchanged, a sign turned, or its force in kgf."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """How a motion begins, from its record's first periods, and how long the integrator's steps may be."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whether the columns of a record agree with each other, with the model and with gravity: units, signs, dead forces."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

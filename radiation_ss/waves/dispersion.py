@@ -1,7 +1,5 @@
 """Waves that travel: their number and group speed, the frequency at which a moving body meets them, another place."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft

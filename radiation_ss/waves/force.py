@@ -1,7 +1,5 @@
 """The exciting force of a random sea, from X(w, direction); directional spreading."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import Akima1DInterpolator

@@ -1,7 +1,5 @@
 """Random seas from spectra, by FFT: the record repeats after its own length and has the exact spectrum on its bins."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Wave spectra: JONSWAP, Pierson-Moskowitz, Bretschneider and a user's own, by (Hs, Tp) or (H1/3, T01)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from math import gamma as gamma_function

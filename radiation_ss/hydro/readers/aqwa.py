@@ -1,7 +1,5 @@
 """AQWA's .AH1: SI, moments about each body's centre of gravity, phases of e^{-i w t} relative to the wave there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -4,8 +4,6 @@ The pages of structure k hold its own matrices and, under "H/I ... FOR FORCE ON 
 motion of structure k.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import permutations
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From rows as a file has them to one HydroData: order, limits, missing frequencies, clear errors."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path

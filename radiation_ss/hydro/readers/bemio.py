@@ -3,8 +3,6 @@
 A / rho, B / (rho w), X / (rho g), C / (rho g); e^{+i w t}; angles in degrees; moments about each body's `cg`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 Phases are taken as leads over the wave at the reference point of the head, as HAMS writes this form.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any, NamedTuple

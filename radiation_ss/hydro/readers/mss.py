@@ -4,8 +4,6 @@ Axes forward-starboard-down become forward-port-up: A -> T A T with T = diag(1, 
 becomes -beta. Its frequency 10 rad/s without damping stands for infinity, as MSS's converter from WAMIT writes it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 SI; e^{-i w t}, so forces are conjugated; the incident wave is measured at the point (XEFF, YEFF) of Nemoh.cal.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Numbers out of text files: every message says file, line and what would be right."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path

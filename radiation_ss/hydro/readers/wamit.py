@@ -4,8 +4,6 @@ WAMIT has e^{+i w t} and leaves everything without dimension: A / (rho L^k), B /
 C / (rho g L^k). The density is in none of its files; gravity, length scale, depth and body axes only in .out.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

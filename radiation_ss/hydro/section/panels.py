@@ -4,8 +4,6 @@ The contour is cut into elements; on each the potential is a polynomial through 
 point is one unknown, called a panel here: 60 panels are 60 unknowns on the whole section, 30 on the half.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise

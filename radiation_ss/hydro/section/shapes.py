@@ -1,7 +1,5 @@
 """Shapes of symmetric ship sections: Lewis form, circle, box with bilge radius, offsets in points or a text file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

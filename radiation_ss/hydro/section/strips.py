@@ -1,7 +1,5 @@
 """Strip theory at zero speed: the coefficients of a ship from those of its sections."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
