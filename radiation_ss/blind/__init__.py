@@ -9,8 +9,7 @@ __getattr__, __all__ = door(__name__, {
     "causes": "ALL candidates CAUSES draw Hidden",
     "experiments": "happen plans sensed wandering",
     "physics": "integrate LAWS",
-    "cases": "make MIX mix_of schedule",
-    "runner": "generate run",
+    "runner": "generate make MIX mix_of run schedule",
     "scoring": "binomial_interval score Scored table",
     "strength": "BEYOND distance hide LARGEST left retunings TOLERANCE typical within",
 })

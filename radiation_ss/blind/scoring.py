@@ -12,6 +12,7 @@ from scipy.stats import beta
 
 from radiation_ss.atomic import write_whole
 from radiation_ss.blind.seal import Scored, flat, read_run
+from radiation_ss.blind.strength import BEYOND
 from radiation_ss.blind.worker import carry_out
 
 # Parameters that the library and the hidden law share: law's name -> (effect, parameter, position in the law).
@@ -100,7 +101,7 @@ def table(cases: Sequence[Scored]) -> list[ScoreRow]:
         share("parameter-like, gap >= .05: in the set", ">= 0.97", parameter, lambda c: caught(c, c.truth[0])),
         share("parameter-like: wrong single name", "<= 0.03", parameter + closed,
               lambda c: len(c.within) == 1 and not caught(c, c.truth[0])),
-        share("parameter-like, 4 to 10 tolerances that retuning closes: in the set", "", closed,
+        share(f"parameter-like, {BEYOND:g} to 10 tolerances that retuning closes: in the set", "", closed,
               lambda c: caught(c, c.truth[0])),
         share("the same: no gap, unseen gap as the oracle's", "", closed,
               lambda c: c.status == "no_gap" and c.gaps.get("corrected", np.inf) <= 1.05 * c.gaps.get("oracle", 0.0)),
