@@ -28,41 +28,27 @@ LONGEST = 4000  # time steps of the comparison with the convolution
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sampled(Brief):
-    """A discrete-time system and what sampling did to it; picklable, `.to_ss()` is the ct.StateSpace.
+    """A discrete-time system and what sampling did to it; picklable, `.to_ss()` is the ct.StateSpace."""
 
-    Parameters
-    ----------
-    A, B, C, D : ndarray
-        x_(k+1) = A x_k + B u_k, y_k = C x_k + D u_k.
-    dt : float
-        Time step [s].
-    method : str
-    omega, error : ndarray, shape (nw,)
-        Frequencies up to pi/dt [rad/s] and, at each, the error of the frequency response (largest singular value,
-        relative to that of the continuous system).
-    passivity : tuple of float or None
-        Smallest eigenvalue of the Hermitian part over the frequencies, relative to the largest, of the continuous and
-        of the sampled system; from force to velocity for a model. None where inputs and outputs do not pair up.
-    convolution_error : float
-        Relative rms error of the response to a random input with frequencies up to `band`, against the convolution
-        integral; nan where that does not settle: a system that is not stable, a body without restoring.
-    band : float
-        [rad/s].
-    inputs, outputs, states, name
-        Of the continuous system.
-    """
-
+    # A, B, C, D: x_(k+1) = A x_k + B u_k, y_k = C x_k + D u_k
     A: FloatArray
     B: FloatArray
     C: FloatArray
     D: FloatArray
-    dt: float
+    dt: float  # Time step [s]
     method: str
+    # omega, error (nw,): Frequencies up to pi/dt [rad/s] and, at each, the error of the frequency response (largest
+    # singular value, relative to that of the continuous system)
     omega: FloatArray
     error: FloatArray
+    # Smallest eigenvalue of the Hermitian part over the frequencies, relative to the largest, of the continuous and of
+    # the sampled system; from force to velocity for a model. None where inputs and outputs do not pair up.
     passivity: tuple[float, float] | None
+    # Relative rms error of the response to a random input with frequencies up to `band`, against the convolution
+    # integral; nan where that does not settle: a system that is not stable, a body without restoring
     convolution_error: float
-    band: float
+    band: float  # [rad/s]
+    # inputs, outputs, states, name: Of the continuous system
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     states: tuple[str, ...]

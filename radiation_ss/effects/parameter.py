@@ -11,59 +11,31 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical sizes of one degree of freedom in the records at hand: what a prior needs to be in the right units.
+    """Typical sizes of one degree of freedom in the records at hand: what a prior needs to be in the right units."""
 
-    Parameters
-    ----------
-    x, v, a : float
-        Root mean square of displacement, velocity, acceleration [m or rad, ...].
-    u : float
-        Root mean square of the exciting force [N or N m]; 0 in decays.
-    force : float
-        Root mean square of the largest of restoring, inertial and exciting force [N or N m]: what an effect's force
-        is compared with.
-    omega : float
-        Typical circular frequency of the motion [rad/s].
-    duration : float
-        Length of a typical record [s].
-    natural : float
-        Circular frequency of the free motion [rad/s]; 0 if it is not known.
-    other : Scales, optional
-        Sizes of the second degree of freedom of a pair.
-    elevation : float
-        Root mean square of the wave elevation at the body [m]; 0 if it is not known.
-    orbital : float
-        Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known.
-    speed : float
-        Root mean square of the forward speed over the records [m/s].
-    stiffness : float
-        The model's own [F/X]: no effect takes more than all of it. Infinite if it is not known.
-    inertia : float
-        The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known.
-    damping : float
-        The model's own linear damping, without radiation [F/(X/s)]: a body may have less, down to none.
-    peak : float
-        Largest displacement that is reached twice in any record [m or rad]; 0 if it is not known.
-    modes : mapping of str to Scales
-        Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave).
-    """
-
+    # x, v, a: Root mean square of displacement, velocity, acceleration [m or rad, ...]
     x: float
     v: float
     a: float
-    u: float
+    u: float  # Root mean square of the exciting force [N or N m]; 0 in decays
+    # Root mean square of the largest of restoring, inertial and exciting force [N or N m]: what an effect's force is
+    # compared with
     force: float
-    omega: float
-    duration: float
-    natural: float = 0.0
-    other: Scales | None = None
-    elevation: float = 0.0
+    omega: float  # Typical circular frequency of the motion [rad/s]
+    duration: float  # Length of a typical record [s]
+    natural: float = 0.0  # Circular frequency of the free motion [rad/s]; 0 if it is not known
+    other: Scales | None = None  # Sizes of the second degree of freedom of a pair
+    elevation: float = 0.0  # Root mean square of the wave elevation at the body [m]; 0 if it is not known
+    # Root mean square of the waves' orbital velocity along the degree of freedom [m/s or rad/s]; 0 if not known
     orbital: float = 0.0
-    speed: float = 0.0
+    speed: float = 0.0  # Root mean square of the forward speed over the records [m/s]
+    # The model's own [F/X]: no effect takes more than all of it. Infinite if it is not known.
     stiffness: float = np.inf
-    inertia: float = np.inf
+    inertia: float = np.inf  # The model's own, added mass and all [F/(X/s^2)]; infinite if it is not known
+    # The model's own linear damping, without radiation [F/(X/s)]: a body may have less, down to none
     damping: float = 0.0
-    peak: float = 0.0
+    peak: float = 0.0  # Largest displacement that is reached twice in any record [m or rad]; 0 if it is not known
+    # Of an effect on the whole body: sizes of each of its motions by mode (Surge, Heave)
     modes: Mapping[str, Scales] = field(default_factory=dict)
 
     @property
@@ -98,20 +70,11 @@ Size = Callable[[Scales], float]
 
 
 class Slab(NamedTuple):
-    """Prior of a parameter where its effect is there: normal, cut at physical bounds.
+    """Prior of a parameter where its effect is there: normal, cut at physical bounds."""
 
-    Parameters
-    ----------
-    mean : tuple of float
-        0 for a strength; the starts of a shape, one normal about each.
-    sd : float
-        Standard deviation.
-    lower, upper : float
-        Physical bounds.
-    """
-
-    mean: tuple[float, ...]
-    sd: float
+    mean: tuple[float, ...]  # 0 for a strength; the starts of a shape, one normal about each
+    sd: float  # Standard deviation
+    # lower, upper: Physical bounds
     lower: float
     upper: float
 

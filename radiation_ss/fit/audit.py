@@ -30,37 +30,20 @@ NO_BODY = re.compile(r"^body\d+_")     # what readers call the bodies of files t
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Audit(Brief):
-    """Scores of a radiation model against data.
-
-    Parameters
-    ----------
-    name : str
-    dofs : tuple of str
-        Degrees of freedom of the data that were compared.
-    states : int
-    certificate : Certificate
-        Of the model as a matrix.
-    relative_error : float
-        ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.problem.joint_error`).
-    entry_error : ndarray, shape (n, n)
-        The same for each entry; NaN where the data are zero or numerical noise.
-    asymmetry : float
-        Largest |K_ij - K_ji| of the model, scaled, relative to the largest |K_ij|: reciprocity.
-    data_margin : float
-        Smallest eigenvalue of the damping in the data, scaled, relative to the largest in size: what the data
-        themselves are.
-    opposite_error : float
-        `relative_error` of minus the model. Smaller than that: its output is the force on the body, -K times velocity.
-    """
+    """Scores of a radiation model against data."""
 
     name: str
-    dofs: tuple[str, ...]
+    dofs: tuple[str, ...]  # Degrees of freedom of the data that were compared
     states: int
-    certificate: Certificate
+    certificate: Certificate  # Of the model as a matrix
+    # ||K - K_model|| / ||K|| over all samples and entries, scaled (`radiation_ss.fit.problem.joint_error`)
     relative_error: float
-    entry_error: FloatArray
-    asymmetry: float
+    entry_error: FloatArray  # (n, n): The same for each entry; NaN where the data are zero or numerical noise
+    asymmetry: float  # Largest |K_ij - K_ji| of the model, scaled, relative to the largest |K_ij|: reciprocity
+    # Smallest eigenvalue of the damping in the data, scaled, relative to the largest in size: what the data themselves
+    # are
     data_margin: float
+    # `relative_error` of minus the model. Smaller than that: its output is the force on the body, -K times velocity.
     opposite_error: float
 
     @property

@@ -14,28 +14,15 @@ PASSIVE = 1e-9
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was proved of K(s) = c (s I - a)^-1 b; K scaled to S^-1 K S^-1, s_i^2 = max_w Re K_ii(iw).
+    """What was proved of K(s) = c (s I - a)^-1 b; K scaled to S^-1 K S^-1, s_i^2 = max_w Re K_ii(iw)."""
 
-    Parameters
-    ----------
-    abscissa : float
-        Largest real part of the poles [rad/s]; negative means stable.
-    margin : float
-        Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest in size. A strictly
-        proper K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
-    worst_omega : float
-        Where the smallest is attained [rad/s] (inf if in the limit).
-    relative_degree : int
-        1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
-    K_zero : float
-        Largest |K_ij(0)| of the scaled K, relative to the Hermitian eigenvalue that is largest in size.
-    """
-
-    abscissa: float
+    abscissa: float  # Largest real part of the poles [rad/s]; negative means stable
+    # Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest in size. A strictly
+    # proper K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
     margin: float
-    worst_omega: float
-    relative_degree: int
-    K_zero: float
+    worst_omega: float  # Where the smallest is attained [rad/s] (inf if in the limit)
+    relative_degree: int  # 1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
+    K_zero: float  # Largest |K_ij(0)| of the scaled K, relative to the Hermitian eigenvalue that is largest in size
 
     @property
     def stable(self) -> bool:

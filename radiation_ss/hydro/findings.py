@@ -34,36 +34,20 @@ class Finding:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QualityReport(Shown):
-    """What `HydroData.check` found.
-
-    Parameters
-    ----------
-    data : HydroData
-    tolerance : float
-        Relative size from which something is named; see `check`.
-    smallest_eigenvalue : ndarray, shape (nw,)
-        Of the symmetric part of B, each degree of freedom scaled by its largest damping, so that -1 is as much as
-        the largest damping, with the wrong sign. Negative: the waves give energy to the body.
-    asymmetry : ndarray, shape (nw,)
-        Largest |A_ij - A_ji| or |B_ij - B_ji|, scaled likewise.
-    kramers_kronig : ndarray, shape (nw, n, n)
-        A - A_inf - (what B implies), less its median, relative to the largest |A - A_inf|.
-    spikes : ndarray, shape (nw,)
-        Largest departure of A or B from the curve through its neighbours, relative to the curve's largest value.
-    tail : Tail
-        Continuation of the damping above the band.
-    findings : tuple of Finding
-        Problems first, in the order of `KINDS`, the largest first.
-    """
+    """What `HydroData.check` found."""
 
     data: Any  # HydroData, which names this class as the result of its check
-    tolerance: float
+    tolerance: float  # Relative size from which something is named; see `check`
+    # (nw,): Of the symmetric part of B, each degree of freedom scaled by its largest damping, so that -1 is as much as
+    # the largest damping, with the wrong sign. Negative: the waves give energy to the body.
     smallest_eigenvalue: FloatArray
-    asymmetry: FloatArray
+    asymmetry: FloatArray  # (nw,): Largest |A_ij - A_ji| or |B_ij - B_ji|, scaled likewise
+    # (nw, n, n): A - A_inf - (what B implies), less its median, relative to the largest |A - A_inf|
     kramers_kronig: FloatArray
+    # (nw,): Largest departure of A or B from the curve through its neighbours, relative to the curve's largest value
     spikes: FloatArray
-    tail: Tail
-    findings: tuple[Finding, ...]
+    tail: Tail  # Continuation of the damping above the band
+    findings: tuple[Finding, ...]  # Problems first, in the order of `KINDS`, the largest first
 
     @property
     def ok(self) -> bool:

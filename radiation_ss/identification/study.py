@@ -21,47 +21,31 @@ TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "f
 
 @dataclass(frozen=True)
 class Settings:
-    """Options of `identify` beside its arguments.
+    """Options of `identify` beside its arguments."""
 
-    Parameters
-    ----------
-    tolerance : float or mapping of str to float, optional
-        Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness",
-        0.02; "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that
-        is larger; "sensor" (gain of the motion sensors): 0.005. "sensor" enters where the force is known, "force" and
-        "kernel" there and with several degrees of freedom.
-    point_tolerance : float
-        Relative standard deviation of K at the points.
-    draws : int
-        Number of draws kept of the posterior.
-    least_passive : float
-        Share of the posterior that must be passive for the rest to be left out.
-    contradiction, doubt : float
-        A warning is given where radiation parameters move farther than all of them stay within with the probability of
-        one within `contradiction` prior standard deviations, or a nominal number beyond `doubt` of its own.
-    nonlinear, nonlinear_elevation, most_laws : float, float, int
-        Chance of a false warning about a nonlinear law, and where all forces come from an elevation (five standard
-        deviations: X's error is believed to be smooth); number of laws that are taken into the model.
-    misfit : float
-        Chance of a false warning about prediction errors that noise does not explain.
-    preset : {None, "paper"}
-        Of the dual filter: as printed, with Q_theta, Q_state, Q_force, R and `units` as `DualEnKF` takes them.
-    filter : mapping
-        More options of `DualEnKF`.
-    """
-
+    # Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness", 0.02;
+    # "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
+    # larger; "sensor" (gain of the motion sensors): 0.005. "sensor" enters where the force is known, "force" and
+    # "kernel" there and with several degrees of freedom.
     tolerance: float | Mapping[str, float] | None = None
-    point_tolerance: float = 1e-3
-    draws: int = 1000
-    least_passive: float = 0.02
+    point_tolerance: float = 1e-3  # Relative standard deviation of K at the points
+    draws: int = 1000  # Number of draws kept of the posterior
+    least_passive: float = 0.02  # Share of the posterior that must be passive for the rest to be left out
+    # contradiction, doubt: A warning is given where radiation parameters move farther than all of them stay within with
+    # the probability of one within `contradiction` prior standard deviations, or a nominal number beyond `doubt` of its
+    # own
     contradiction: float = 3.0
     doubt: float = 2.5
+    # nonlinear, nonlinear_elevation, most_laws: Chance of a false warning about a nonlinear law, and where all forces
+    # come from an elevation (five standard deviations: X's error is believed to be smooth); number of laws that are
+    # taken into the model
     nonlinear: float = 0.04
     nonlinear_elevation: float = 6e-7
     most_laws: int = 2
-    misfit: float = 1e-4
+    misfit: float = 1e-4  # Chance of a false warning about prediction errors that noise does not explain
+    # Of the dual filter: as printed, with Q_theta, Q_state, Q_force, R and `units` as `DualEnKF` takes them
     preset: str | None = None
-    filter: Mapping[str, Any] = field(default_factory=dict)
+    filter: Mapping[str, Any] = field(default_factory=dict)  # More options of `DualEnKF`
 
     @property
     def tolerances(self) -> dict[str, float]:

@@ -15,26 +15,13 @@ from radiation_ss.methods import Brief
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sea(Brief):
-    """A random sea as a sum of harmonics: elevation(t) = Re sum_k sum_d a_dk e^{i w_k t} at the origin.
+    """A random sea as a sum of harmonics: elevation(t) = Re sum_k sum_d a_dk e^{i w_k t} at the origin."""
 
-    Parameters
-    ----------
-    dt : float
-        Time step [s].
-    samples : int
-        Length of the record asked for.
-    period : int
-        Length of the harmonic sum, samples or a little more (a length that the FFT likes).
-    amplitudes : ndarray, shape (n_dir, period // 2 + 1)
-        Complex amplitudes [m] of the frequencies k / (period dt).
-    directions : ndarray, shape (n_dir,), or None
-        Directions of propagation [rad]; None for a long-crested sea along the one direction that the body knows.
-    """
-
-    dt: float
-    samples: int
-    period: int
-    amplitudes: ComplexArray
+    dt: float  # Time step [s]
+    samples: int  # Length of the record asked for
+    period: int  # Length of the harmonic sum, samples or a little more (a length that the FFT likes)
+    amplitudes: ComplexArray  # (n_dir, period // 2 + 1): Complex amplitudes [m] of the frequencies k / (period dt)
+    # (n_dir,): Directions of propagation [rad]; None for a long-crested sea along the one direction that the body knows
     directions: FloatArray | None
 
     def __str__(self) -> str:
