@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 import radiation_ss as rss
+from radiation_ss.hydro import group_velocity, wave_number
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.files import FORMATS
 from radiation_ss.hydro.measures import horizontal_lead
 from radiation_ss.hydro.quality import haskind, over_headings
-from radiation_ss.waves.dispersion import group_speed, wave_numbers
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("RADIATION_SS_DATA", ROOT.parent / "shared" / "data")) / "bem"
@@ -197,7 +197,8 @@ def limits(data):
     top = int(np.argmax(B))
     w, low = data.omega[top], data.omega[0] < 0.2 * data.omega[top]
     stiff = data.C is not None and data.C[at, at] > 0.05 * X[0].max() and low
-    k, speed = (float(of(w, data.depth, data.g)) for of in (wave_numbers, group_speed))
+    k = wave_number(w**2 / data.g, data.depth)
+    speed = group_velocity(w, k, data.depth)
     round_ = 4.0 * data.rho * data.g * speed * B[top] / (k * np.mean(X[top] ** 2))
     return ((X[0, 0] / data.C[at, at] if stiff else np.nan), round_,
             np.nan if lead is None else lead / (0.5 * np.pi), all_headings(data))

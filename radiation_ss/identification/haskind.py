@@ -10,10 +10,10 @@ from scipy.linalg import null_space
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.hydro.section.green import group_velocity, wave_number
 from radiation_ss.identification.sea import bumps_about
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import interpolate
-from radiation_ss.waves.dispersion import group_speed
 
 BUMPS = 5  # In the error of log X, over two octaves
 
@@ -62,7 +62,8 @@ def relation(model: Model, form: Parametrisation, omega: FloatArray) -> tuple[Ha
         water = "" if table is not None else " in deep water"
         warning = (f"the model has no wave excitation force X: Haskind's two-dimensional relation{water} is used for "
                    "a length of 1 m, so the wave heights are in units of the square root of the length")
-        size = positive(damping, 1e-4 * np.abs(damping).max(axis=0)) * group_speed(omega, depth, g)[:, None]
+        speed = group_velocity(omega, wave_number(omega**2 / g, depth), depth)[:, None]
+        size = positive(damping, 1e-4 * np.abs(damping).max(axis=0)) * speed
         return Haskind(np.sqrt(2.0 * rho * g * size).astype(complex), damping, "2-D"), (warning,)
     inside = np.clip(omega, table.omega[0], table.omega[-1])
     return Haskind(interpolate(table.omega, table.X[:, 0, :], inside), damping, "X of the model"), ()

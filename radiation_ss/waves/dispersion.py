@@ -1,4 +1,4 @@
-"""Waves that travel: their number and group speed, the frequency at which a moving body meets them, another place."""
+"""Waves that travel: the frequency at which a moving body meets them, and another place."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,23 +9,6 @@ from scipy.signal import lfilter, lfiltic
 from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.section.green import group_velocity, wave_number
-
-
-def wave_numbers(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
-    """Return k of w^2 = g k tanh(k h) [rad/m].
-
-    `omega`: circular frequencies [rad/s], positive. `depth`, `g`: water depth [m], gravity [m/s^2].
-    """
-    return wave_number(np.asarray(omega, dtype=float) ** 2 / g, depth)
-
-
-def group_speed(omega: ArrayLike, depth: float = np.inf, g: float = 9.81) -> FloatArray:
-    """Return the speed of the energy, dw/dk [m/s].
-
-    >>> float(group_speed(1.0))
-    4.905
-    """
-    return group_velocity(np.asarray(omega, dtype=float), wave_numbers(omega, depth, g), depth)
 
 
 def encounter_frequency(omega: ArrayLike, speed: float, heading: float = np.pi, *, depth: float = np.inf,
@@ -56,7 +39,7 @@ def encounter_frequency(omega: ArrayLike, speed: float, heading: float = np.pi, 
     if not (np.isfinite(speed) and np.isfinite(heading)):
         raise InputError(f"speed {speed} m/s, heading {heading} rad: finite numbers are needed")
     omega = np.asarray(omega, dtype=float)
-    return omega - wave_numbers(omega, depth, g) * speed * np.cos(heading)
+    return omega - wave_number(omega**2 / g, depth) * speed * np.cos(heading)
 
 
 def wave_frequencies(encounter: float, speed: float, heading: float = np.pi, *, depth: float = np.inf,
@@ -141,14 +124,16 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
         return np.array(x)
     low, middle, high = (omega[np.searchsorted(energy, part * energy[-1])] for part in
                          (0.5 * (1.0 - share), 0.5, 0.5 * (1.0 + share)))
-    lags = distance / group_speed([low, high], depth, g)
+    ends = np.array([low, high])
+    lags = distance / group_velocity(ends, wave_number(ends**2 / g, depth), depth)
     # Beyond the samples the waves go on as they went: a sudden end would send waves of all lengths.
     more = int(2.0 * np.abs(lags).max() / dt) + 1
     order = min(int(6.0 * np.pi / (middle * dt)) + 2, x.size // 3)
     before, after = _continued(x[::-1] - mean, order, more)[::-1], _continued(x - mean, order, more)
     longer = np.concatenate([before, x - mean, after])
     period = next_fast_len(longer.size + more, real=True)
-    k = np.concatenate([[0.0], wave_numbers(2.0 * np.pi / (period * dt) * np.arange(1, period // 2 + 1), depth, g)])
+    harmonics = 2.0 * np.pi / (period * dt) * np.arange(1, period // 2 + 1)
+    k = np.concatenate([[0.0], wave_number(harmonics**2 / g, depth)])
     moved = irfft(rfft(longer, period) * np.exp(-1j * k * distance), period)[more:more + x.size] + mean
     first = int(np.ceil(max(lags.max(), 0.0) / dt))
     last = x.size + int(np.floor(min(lags.min(), 0.0) / dt))
