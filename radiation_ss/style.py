@@ -1,7 +1,5 @@
 """The look of every figure: colours that survive colour blindness, units on axes, bands drawn as bands."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -36,7 +34,7 @@ def look() -> Iterator[None]:
 
 
 def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] | None = None,
-           share_x: bool = False) -> tuple[Figure, np.ndarray]:
+           share_x: bool = False) -> "tuple[Figure, np.ndarray]":
     """Return a figure in the package's look and its axes, shape (rows, columns).
 
     `size`: width and height [inch]; by default 3.4 by 2.5 for each panel. `share_x`: share the horizontal axis along
@@ -54,7 +52,7 @@ def literal(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode().replace("$", r"\$")
 
 
-def band(axes: Axes, x: ArrayLike, lower: ArrayLike, upper: ArrayLike, colour: str, label: str | None = None) -> None:
+def band(axes: "Axes", x: ArrayLike, lower: ArrayLike, upper: ArrayLike, colour: str, label: str | None = None) -> None:
     """Draw an uncertainty band between two curves."""
     axes.fill_between(np.asarray(x), np.asarray(lower), np.asarray(upper), color=colour, alpha=0.22, linewidth=0,
                       label=label)

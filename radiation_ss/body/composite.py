@@ -1,7 +1,5 @@
 """Composite (Cummins) systems as ct.StateSpace, assembled directly: the added mass at infinity sits in the inertia."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -25,7 +23,7 @@ Linear = Mapping[str, float] | ArrayLike | None
 
 
 def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | str | Path | None = None, *,
-            stiffness: Linear = None, damping: Linear = None, name: str | None = None) -> ct.StateSpace:
+            stiffness: Linear = None, damping: Linear = None, name: str | None = None) -> "ct.StateSpace":
     """Return the composite system (9)-(13): inputs `<dof>_force`, outputs `<dof>`, `<dof>_vel`, `<dof>_acc`.
 
     Parameters
@@ -91,7 +89,7 @@ def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, F
 
 
 def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str] | None = None, *,
-               stiffness: Linear = None, damping: Linear = None, name: str = "rigid_body") -> ct.StateSpace:
+               stiffness: Linear = None, damping: Linear = None, name: str = "rigid_body") -> "ct.StateSpace":
     """Return the body without memory, (M + A_inf) xi'' + D xi' + C xi = f, with the signals of `cummins`.
 
     `ct.feedback` of this with the radiation subsystem on the velocities is the composite; `cummins` is faster.

@@ -1,7 +1,5 @@
 """Discrete-time systems, with a report of what the time step does to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -81,7 +79,7 @@ class Sampled(Brief):
         """Return the relative error of the frequency response at a frequency [rad/s]."""
         return float(np.interp(omega, self.omega, self.error))
 
-    def to_ss(self) -> ct.StateSpace:
+    def to_ss(self) -> "ct.StateSpace":
         """Return the discrete-time ct.StateSpace, signals named as in the continuous system.
 
         With "foh" the state is x_k - after u_k, not x_k: map an initial state so; outputs are the same.
@@ -108,7 +106,7 @@ class Sampled(Brief):
 
 
 @accepting(plant=opened)
-def sampled(plant: Model | RadiationFit | ct.StateSpace, dt: float, method: str = "foh", *,
+def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: str = "foh", *,
             band: float | None = None, seed: int = 0) -> Sampled:
     """Discretise a system and report what the time step does: frequency error, passivity, error against convolution.
 

@@ -1,7 +1,5 @@
 """What drawings, an inclining test and a decay tell of a body, checked; and what a period and a damping ratio imply."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
@@ -141,7 +139,7 @@ class Particulars:
             raise InputError(f"GM of {dof}: needs the mass, C = mass g GM")
         return mass * self.g * GM
 
-    def scaled(self, name: str, factor: float) -> Particulars:
+    def scaled(self, name: str, factor: float) -> "Particulars":
         """Return a copy with one number times a factor."""
         value = getattr(self, name)
         changed: Any = ({dof: factor * number for dof, number in value.items()} if isinstance(value, Mapping)
@@ -160,7 +158,7 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
     return Particulars(**given)
 
 
-def size_doubts(p: Particulars, model: Model, most: float = 100.0) -> Iterator[str]:
+def size_doubts(p: Particulars, model: "Model", most: float = 100.0) -> Iterator[str]:
     """Yield a sentence for what is no water, and each motion of a body far from the size of the water of its mass.
 
     In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,

@@ -1,7 +1,5 @@
 """Which tests to do: a model, no record yet, and the set of tests that shows most and tells most apart."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -164,7 +162,7 @@ class TestPlan(Shown):
                 "unseen": {u.effect: u.why for u in self.unseen},
                 "confounded": [{"pair": list(c.pair), "left": c.left, "why": c.why} for c in self.confounded]}
 
-    def plot(self) -> Figure:
+    def plot(self) -> "Figure":
         """Draw what each test shows and what the plan tells apart.
 
         >>> len(plan.plot().axes)

@@ -1,7 +1,5 @@
 """What an effect is: one CasADi expression with its parameters; what it does in a typical motion, and so its prior."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
@@ -201,7 +199,7 @@ class Active:
         """Parameter values in the order of the effect's definition; absent ones are 0."""
         return [float(self.values.get(name, 0.0)) for name in self.effect.parameters]
 
-    def with_values(self, values: Sequence[float]) -> Active:
+    def with_values(self, values: Sequence[float]) -> "Active":
         """Return a copy with other numbers."""
         return Active(self.effect, self.dof, dict(zip(self.effect.parameters, map(float, values))), self.other)
 

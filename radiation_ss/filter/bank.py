@@ -4,8 +4,6 @@ Where the force is known, the parameters learn from the whole record by Gauss-Ne
 bank's tangents, with the lognormal prior: .2 ms a sample.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -128,7 +126,7 @@ class PlantEstimate(Tabled):
         """Degrees of freedom."""
         return self.plant.model(self.plant.start).dofs
 
-    def plants(self, n: int) -> list[ct.StateSpace]:
+    def plants(self, n: int) -> "list[ct.StateSpace]":
         """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
         return estimate.plants_of(self.members, n, self.plant.model)
 

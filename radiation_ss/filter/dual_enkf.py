@@ -1,7 +1,5 @@
 """The dual ensemble Kalman filter: radiation parameters and wave excitation force from motion, recursively."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -74,7 +72,7 @@ class DualEnKF:
         self._plan = plan_of(self.model, self.parts)
         self.time = self.interval = np.nan
 
-    def prepare(self, record: RecordLike) -> DualEnKF:
+    def prepare(self, record: RecordLike) -> "DualEnKF":
         """Start afresh, with sensor noise and the force's size taken from a record; the filter itself comes back.
 
         Raises
@@ -203,7 +201,7 @@ class DualEnKF:
         write(path, settings, self.model, {key: np.asarray(value) for key, value in state.items()})
 
     @classmethod
-    def load(cls, path: str | Path) -> DualEnKF:
+    def load(cls, path: str | Path) -> "DualEnKF":
         """Return a filter saved by `save`, ready for the next `step`.
 
         Raises

@@ -5,8 +5,6 @@ only because their parameters differ. What correlation the ensemble shows is the
 what makes an ordinary ensemble filter collapse on constant parameters. (Rao-Blackwell; docs/theory/dual_filter.md.)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +58,7 @@ class FilterState(NamedTuple):
         return self.theta.shape[1] - 2
 
     @classmethod
-    def at_rest(cls, theta: FloatArray, P: FloatArray, channels: int) -> FilterState:
+    def at_rest(cls, theta: FloatArray, P: FloatArray, channels: int) -> "FilterState":
         """Return the state before the first sample."""
         count = np.zeros(channels, dtype=np.int64)
         return cls(np.ascontiguousarray(theta), np.zeros((P.shape[0], theta.shape[1])), P.copy(), count,

@@ -4,8 +4,6 @@ A relative uncertainty is symmetric only in the logarithm: a truth 15 % above it
 truth are then one statement. Coefficients keep their signs, so denominators of order one and two stay stable.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from typing import Generic, NamedTuple, TypeVar
 
@@ -90,7 +88,7 @@ class Evidence(NamedTuple):
     information: FloatArray  # (d, d)
 
     @classmethod
-    def none(cls, size: int) -> Evidence:
+    def none(cls, size: int) -> "Evidence":
         """Return the evidence of no record."""
         return cls(np.zeros(size), np.zeros(size), np.zeros((size, size)))
 
@@ -113,7 +111,7 @@ class Draws(NamedTuple):
 
 
 def most_probable(prior: Prior, data: Evidence, draws: Draws, *, steps: int = 60, halvings: int = 12,
-                  close: float = 1e-9) -> Pieces[FloatArray]:
+                  close: float = 1e-9) -> "Pieces[FloatArray]":
     """Return the most probable u of each row, given its own prior mean, error of the points and pull of the data.
 
     With zeros it is the mode; with the errors drawn it is a draw of the posterior, exact where all is linear

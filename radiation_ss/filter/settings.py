@@ -1,7 +1,5 @@
 """Settings of the dual filter, their checks, and the defaults that follow from the model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,7 +49,7 @@ class FilterSettings:
     noise: Mapping[str, float] | None = None
     # {"coloured", "persistence"} or ForceModel: How the unknown force moves (default filter only; the paper's is
     # persistence (19))
-    force_model: str | ForceModel = "coloured"
+    force_model: "str | ForceModel" = "coloured"
     # {"known-force", "always", "never"}: When motion may move the parameters. Under an unknown force it tells nothing
     # about them, and a filter that thinks otherwise takes its force model for knowledge; "always" lets it.
     learn: str = "known-force"

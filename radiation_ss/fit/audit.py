@@ -1,7 +1,5 @@
 """The same scores for anybody's radiation model."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Mapping
@@ -84,7 +82,7 @@ class Audit(Brief):
         return "\n".join(lines + ([f"  and {len(worst) - 6} more, smaller"] if len(worst) > 6 else []))
 
 
-def audit(system: RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[str, Any] | str | Path,
+def audit(system: "RadiationFit | ct.StateSpace | ct.TransferFunction | Mapping[str, Any] | str | Path",
           data: HydroData) -> Audit:
     """Score a radiation model against data: error, stability, passivity as a matrix, reciprocity.
 
@@ -162,7 +160,7 @@ def _matrices(system: Any) -> tuple[str, tuple[str, ...], tuple[FloatArray, Floa
     return name, tuple(label.removesuffix("_vel") for label in system.input_labels), (A, B, C), D
 
 
-def _realised(system: ct.TransferFunction, name: str) -> ct.StateSpace:
+def _realised(system: "ct.TransferFunction", name: str) -> "ct.StateSpace":
     import control as ct
 
     try:

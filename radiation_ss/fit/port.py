@@ -9,8 +9,6 @@ changes of the two halves of the state make D1 and D2 diagonal. K(0) = 0 holds e
 second half have no loss and B1 = G1 W with G1 the first p columns of G: at rest these states alone balance the input.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -59,7 +57,7 @@ class Port:
         """Number of parameters."""
         return self.states - self.lossless + self.n1 * self.n2 + self.inputs * self.m
 
-    def released(self, theta: FloatArray) -> tuple[Port, FloatArray]:
+    def released(self, theta: FloatArray) -> "tuple[Port, FloatArray]":
         """Return the form without the sign of the losses, and the parameters of the same model."""
         free = theta.copy()
         free[:self.states - self.lossless] **= 2

@@ -1,7 +1,5 @@
 """The fitting problem of one block of degrees of freedom, scaled to numbers of order one, and the errors of a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -50,7 +48,7 @@ class Problem:
         """Largest pole over `rate` that the band can tell from a feedthrough, which K does not have: ten times it."""
         return 10.0 * float(self.x[-1])
 
-    def without_points(self) -> Problem:
+    def without_points(self) -> "Problem":
         """Return the problem without frequency points and without a value of K(0)."""
         return replace(self, x_points=self.x_points[:0], K_points=self.K_points[:0])
 
@@ -61,7 +59,7 @@ class Problem:
         full[:, i, j] = full[:, j, i] = upper
         return full
 
-    def thinned(self, most: int = 200, least: int = 60) -> Problem:
+    def thinned(self, most: int = 200, least: int = 60) -> "Problem":
         """Return the problem of every k-th sample: about `most` / m of them, `least` or more; it resolves less."""
         step = -(-self.x.size // max(least, most // self.m))
         return self if step == 1 else replace(self, x=self.x[::step], K=self.K[::step], weight=self.weight[::step],
@@ -71,7 +69,7 @@ class Problem:
         """Return the weighted sum of squares between the samples and K, upper triangles (nw, p)."""
         return float(np.sum(np.abs(self.weight * (K - self.K)) ** 2))
 
-    def along(self, V: FloatArray) -> Problem:
+    def along(self, V: FloatArray) -> "Problem":
         """Return the problem of the orthonormal motions V (m, k), each frequency with its diagonal's mean weight."""
         i, j = np.triu_indices(V.shape[1])
         K, K_points = ((V.T @ self.whole(part) @ V)[:, i, j] for part in (self.K, self.K_points))

@@ -1,7 +1,5 @@
 """Fit radiation subsystems to hydrodynamic data."""
 
-from __future__ import annotations
-
 import numbers
 import warnings
 from dataclasses import dataclass, field, replace
@@ -36,7 +34,7 @@ class Options:
     notes: list[str] = field(default_factory=list)
 
 
-def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None = None, *, passive: bool = True,
+def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | None = None, *, passive: bool = True,
                   at_zero: str | float | ArrayLike = "free", points: ArrayLike | None = None, method: str = "casadi",
                   weight: ArrayLike | None = None, seed: int = 0) -> RadiationFit:
     """Fit a stable, passive, reciprocal, strictly proper model of K(s) to B + i w (A - A_inf).
@@ -134,8 +132,8 @@ def fit_radiation(data: HydroData | ct.FrequencyResponseData, order: int | None 
                           notes=(*notes, *choices.left_out(data, weights, error)))
 
 
-def fitfrd(frd: ct.FrequencyResponseData, order: int | None = None, *, poor: float = 0.1,
-           **options: Any) -> ct.StateSpace:
+def fitfrd(frd: "ct.FrequencyResponseData", order: int | None = None, *, poor: float = 0.1,
+           **options: Any) -> "ct.StateSpace":
     """Fit a stable, strictly proper, reciprocal state-space model to frequency response data.
 
     The result is passive unless `passive=False`; `options` are those of `fit_radiation`. Warns where the relative error

@@ -1,7 +1,5 @@
 """Reading and writing hydrodynamic coefficients: which format, and to whom it goes."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,7 @@ HAMS, HYDROSTAR = "Input/ControlFile.in", "AddedMass_11.rao"  # what tells their
 OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
 
 
-def read_hydro(path: str | Path | xr.Dataset, format: str | None = None, *, rho: float | None = None,
+def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rho: float | None = None,
                g: float | None = None, depth: float | None = None, length: float | None = None,
                first_column: str | None = None, vessel: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.

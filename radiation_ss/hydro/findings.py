@@ -1,7 +1,5 @@
 """What a check of coefficients found: findings, and the report that holds them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +86,6 @@ class QualityReport(Shown):
         lines += [f"  note     {note}" for note in data.notes]
         return "\n".join(lines)
 
-    def plot(self) -> Figure:
+    def plot(self) -> "Figure":
         """Draw the measures over frequency; see `report.plots.plot_quality`."""
         return later(self, "plot")

@@ -4,8 +4,6 @@ A Hann window makes coefficients more than a few bins apart independent for all 
 not: keeping their covariance makes the likelihood that of the record itself, short or long, with leakage in it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -51,7 +49,7 @@ class Coefficients:
         """The frequencies `fine`, kept from zero, at which spectra are formed [rad/s]."""
         return np.maximum(self.fine, self.spacing / self.finer)
 
-    def with_power(self, floor: float) -> Coefficients:
+    def with_power(self, floor: float) -> "Coefficients":
         """Return the stretch without the bins at either end where no motion has `floor` of its largest density."""
         density = np.mean(np.abs(self.z) ** 2, axis=0)
         good = strong_bins(density, floor)

@@ -1,7 +1,5 @@
 """A record as the estimators need it: channels on one uniform time grid, and the force where it is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -71,17 +69,17 @@ class Channels:
         """Typical period of the motion [s]."""
         return 2.0 * np.pi / self.frequency
 
-    def pick(self, which: NDArray[np.int64]) -> Channels:
+    def pick(self, which: NDArray[np.int64]) -> "Channels":
         """Return some of the channels."""
         return replace(self, y=self.y[:, which], dof=self.dof[which], derivative=self.derivative[which],
                        labels=tuple(self.labels[i] for i in which))
 
-    def one_each(self) -> Channels:
+    def one_each(self) -> "Channels":
         """Return the channel of lowest derivative of each degree of freedom."""
         return self.pick(np.array([i for i in range(self.count)
                                    if self.derivative[i] == self.derivative[self.dof == self.dof[i]].min()]))
 
-    def cut(self, first: int, last: int) -> Channels:
+    def cut(self, first: int, last: int) -> "Channels":
         """Return the samples from `first` to before `last`."""
         return replace(self, y=self.y[first:last], start=self.start + first * self.dt)
 

@@ -1,7 +1,5 @@
 """Haskind's relation: the size of the exciting force with the damping; its errors; the motion that it makes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -29,7 +27,7 @@ class Haskind:
     # and its relative change means nothing
     floor: float = 0.01
 
-    def part(self, dofs: Sequence[int]) -> Haskind:
+    def part(self, dofs: Sequence[int]) -> "Haskind":
         """Return the relation of some degrees of freedom."""
         return replace(self, X=self.X[:, dofs], damping=self.damping[:, dofs])
 
@@ -82,7 +80,7 @@ class RelativeErrors:
     frequency: float  # Of the motion [rad/s]
 
     @classmethod
-    def of(cls, n: int, seen: np.ndarray, error: float, frequency: float) -> RelativeErrors:
+    def of(cls, n: int, seen: np.ndarray, error: float, frequency: float) -> "RelativeErrors":
         """Return the errors of standard deviation `error` of the degrees of freedom `seen` of n."""
         out = np.zeros((n, seen.size - 1 if error > 0.0 else 0))
         out[seen] = error * null_space(np.ones((1, seen.size)))[:, :out.shape[1]]

@@ -1,7 +1,5 @@
 """`identify`: added mass, damping, exciting force and sea from records of a floating body, by one entry point."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -72,7 +70,7 @@ def by_dual_filter(study: Study) -> Findings:
 
 
 @accepting(model=lambda given: as_model(opened(given)), records=as_records)
-def identify(model: Model | ct.StateSpace, records: Record | Sequence[Record], method: str = "spectral",
+def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              **options: Any) -> Identification:
     """Identify the radiation (added mass, damping) of a body, and the force that moved it.

@@ -6,8 +6,6 @@ the sea's through Haskind's relation, refitted all along: no fixed shaping filte
 body.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +43,7 @@ class Belief:
         """The covariance."""
         return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
 
-    def of_body(self, n: int) -> Belief:
+    def of_body(self, n: int) -> "Belief":
         """Return the distribution of the first n parameters."""
         return Belief(self.mean[:n], np.asarray(np.linalg.inv(self.covariance[:n, :n]), dtype=np.float64))
 

@@ -1,7 +1,5 @@
 """Likelihood of the motion when the force is known (or zero, in a decay test), by prediction errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -180,7 +178,7 @@ class MotionLikelihood:
         e, s = self.run(u, v)
         return np.asarray(self.channels.y - e * self.rules.of(v[:self.channels.count]) ** 2 / s * self.channels.rms)
 
-    def with_law(self, law: Law, v: FloatArray, strength: float = 0.0) -> tuple[MotionLikelihood, FloatArray]:
+    def with_law(self, law: Law, v: FloatArray, strength: float = 0.0) -> "tuple[MotionLikelihood, FloatArray]":
         """Return the likelihood with one more law, and its nuisance parameters."""
         return replace(self, laws=(*self.laws, law)), np.insert(v, self.first_law + len(self.laws), strength)
 

@@ -1,7 +1,5 @@
 """Result of `identify`: coefficients, force and sea with bands, and where each number came from; made of draws."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +100,7 @@ class Identification(Shown):
     form: Parametrisation
     u: FloatArray
 
-    def plants(self, n: int) -> list[ct.StateSpace]:
+    def plants(self, n: int) -> "list[ct.StateSpace]":
         """Return n plants of the posterior as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
 
         The radiation of each is passive: that of a draw, or the nearest to it.
@@ -138,7 +136,7 @@ class Identification(Shown):
         """
         return later(self, "save", folder)
 
-    def plot(self) -> Figure:
+    def plot(self) -> "Figure":
         """Return a figure of A, B and the information shares of each diagonal entry.
 
         >>> len(found.plot().axes)

@@ -1,7 +1,5 @@
 """Columns of a record's file: names and units."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +41,7 @@ class ColumnChoice:
         object.__setattr__(self, "degrees", tuple(name if name in self.dofs else spelled(name) or name
                                                   for name in listed(self.degrees)))
 
-    def with_comments(self, comments: Mapping[str, str]) -> ColumnChoice:
+    def with_comments(self, comments: Mapping[str, str]) -> "ColumnChoice":
         """Return the choice with kind and degrees of freedom that a file names itself."""
         named, known = own_dofs(comments.get("dofs", "")), own_dofs(self.dofs)
         return replace(self, dofs=named | {dof: unit or named.get(dof, "") for dof, unit in known.items()},

@@ -1,7 +1,5 @@
 """The demo: the tank test of Hanaki, Takaoka & Minoura (2022) from dimensions to a page, simulated at every stage."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -238,13 +236,13 @@ def demo_page(demo: Demo, diagnosed: Page) -> Page:
         footer="Computed by radiation-ss demo from the body's dimensions.")
 
 
-def picture(figure: Figure, caption: str) -> Picture:
+def picture(figure: "Figure", caption: str) -> Picture:
     """Return a picture whose caption serves as its description."""
     return Picture(figure, caption, caption)
 
 
 @style.look()
-def identification_picture(demo: Demo) -> Figure:
+def identification_picture(demo: Demo) -> "Figure":
     """Damping, added mass and force, estimated from motion, against the truth."""
     figure, rows = style.figure(len(demo.estimates), 3, size=(11.0, 2.5 * len(demo.estimates) + 0.4))
     for (*axes, right), estimate in zip(rows, demo.estimates):

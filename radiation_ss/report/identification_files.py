@@ -1,7 +1,5 @@
 """Text and files of an identification: identify.json, one CSV of the force for each record, pictures."""
 
-from __future__ import annotations
-
 import json
 import re
 import warnings
@@ -118,7 +116,7 @@ def text(result: Identification) -> str:
     return "\n".join([*lines, "  parameters:", *rows, *(f"warning: {said}" for said in result.warnings)])
 
 
-def coefficients(result: Identification) -> Figure:
+def coefficients(result: Identification) -> "Figure":
     """Return a figure: B, A and the information shares, one row for each degree of freedom."""
     n, w = len(result.dofs), result.omega
     power = np.asarray(result.information.get("power", np.ones(w.size)), dtype=bool)
@@ -147,7 +145,7 @@ def coefficients(result: Identification) -> Figure:
     return figure
 
 
-def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: float = 30.0) -> Figure:
+def force(dofs: tuple[str, ...], estimate: ForceEstimate, title: str, longest: float = 30.0) -> "Figure":
     """Return a figure of the estimated force with its band over the first `longest` seconds."""
     figure, axes = style.figure(len(dofs), 1, size=(8.0, 2.2 * len(dofs) + 0.4), share_x=True)
     show = estimate.time <= estimate.time[0] + longest

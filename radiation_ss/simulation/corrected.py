@@ -5,8 +5,6 @@ nonlinear one becomes the spring and the damper that do the same work in a harmo
 (equivalent linearisation; Krylov & Bogoliubov): k = -<f x>/<x^2>, b = -<f v>/<v^2>.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -89,7 +87,7 @@ class Corrected(Brief):
         return model.replace(M=M, A_inf=A_inf, C=model.C + extra.C, D=model.D + extra.D, fit=fit, hydro=hydro,
                              name=f"{model.name}_corrected")
 
-    def to_ss(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> ct.StateSpace:
+    def to_ss(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> "ct.StateSpace":
         """Return the corrected model as the composite system of `cummins`; states of linear effects (a tank) last."""
         import control as ct
 
@@ -107,7 +105,7 @@ class Corrected(Brief):
         return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs), states=states,
                      name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
 
-    def to_nlsys(self, model: Model) -> ct.NonlinearIOSystem:
+    def to_nlsys(self, model: Model) -> "ct.NonlinearIOSystem":
         """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `equations.nonlinear_system`."""
         return nonlinear_system(model, self.actives(model), f"{model.name}_corrected")
 

@@ -1,7 +1,5 @@
 """Tests whose motion or load the rig sets: the force that a given motion takes, and the place where a load holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +32,7 @@ Spline = Callable[..., FloatArray]  # of time and order of the derivative
 
 @accepting(model=as_model, record=as_one_record)
 def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), *,
-                     band: float = 6.0) -> ct.TimeResponseData:
+                     band: float = 6.0) -> "ct.TimeResponseData":
     """Return the force that moves the body as a record says: the load cell's reading of a forced-motion test.
 
     It is (M + A_inf) x'' + D x' + radiation + C x, less what effects and waves exert: the equation of motion's force,

@@ -1,7 +1,5 @@
 """Many motions of one model at a time: other forces, parameters and starts for each member; NumPy or JAX."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -49,7 +47,7 @@ class Steps:
     time: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, substeps: int, width: int = 32) -> Steps:
+    def of(cls, time: FloatArray, substeps: int, width: int = 32) -> "Steps":
         """Return the steps between uniform samples.
 
         A sample's share in a spline falls by 2 + sqrt(3) from knot to knot: at half the width it is 1e-9.

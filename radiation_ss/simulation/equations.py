@@ -1,7 +1,5 @@
 """The equations of motion of the composite with a set of effects: CasADi functions, and a python-control system."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -237,7 +235,7 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
 
 
 @accepting(model=as_model)
-def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> ct.NonlinearIOSystem:
+def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> "ct.NonlinearIOSystem":
     """Return the model with effects as a python-control system.
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`

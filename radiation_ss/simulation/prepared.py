@@ -1,7 +1,5 @@
 """A record made ready for the integrator: its force on any time, its readings as one list."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,7 +30,7 @@ class Channel:
     value: FloatArray
     under_way: bool = False
 
-    def window(self, first: float, last: float) -> Channel:
+    def window(self, first: float, last: float) -> "Channel":
         """Return the samples from first to last [s]."""
         keep = (self.time >= first) & (self.time <= last)
         return replace(self, time=self.time[keep], value=self.value[keep])
@@ -57,7 +55,7 @@ class Prepared:
         slow = map(self._followed, self.force)
         return tuple(f if f is own else (f.x, f(f.x)) for f, own in zip(slow, self.force))
 
-    def settled(self) -> Prepared:
+    def settled(self) -> "Prepared":
         """Return the same with the force only as steps of this grid can follow it."""
         found = replace(self, force=None)
         found.__dict__["smooth"] = self.smooth

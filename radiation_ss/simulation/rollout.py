@@ -6,8 +6,6 @@ stages of each step, so they belong to the discrete solution itself. Readings ar
 biases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -153,7 +151,7 @@ class Rollout:
             parts.append(np.broadcast_to(speed, (*parts[0].shape[:2], 1)))
         return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
 
-    def chain(self, channel: Channel) -> SensorChain:
+    def chain(self, channel: Channel) -> "SensorChain":
         """Return the sensor effects that touch a channel."""
         key = (channel.dof, channel.quantity)
         if key not in self._chains:

@@ -4,8 +4,6 @@ Source: OrcaFlex help, "Vessel types: conventions" and "Stiffness, added mass an
 masses are tonnes and forces kN. Load RAOs are complex per metre of amplitude about `RAOOrigin`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +80,7 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
                     reference_point=tuple(point.tolist()), **fields)
 
 
-def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatArray) -> FloatArray:
+def _mass(file: "_Tree", draught: Tree, mass: float, length: float, origin: FloatArray) -> FloatArray:
     """Return the mass matrix about the reference origin; the tensor of the file is about the centre of mass."""
     m = mass * file.number(draught, "Mass")
     inertia = mass * length ** 2 * file.table(draught, "MomentOfInertiaTensor", (3, 3))
@@ -90,7 +88,7 @@ def _mass(file: _Tree, draught: Tree, mass: float, length: float, origin: FloatA
     return rigid_inertia(m, inertia, length * file.table(draught, centre, (3,)) - origin)
 
 
-def _forces(file: _Tree, vessel: Tree, raos: Tree, omega: FloatArray,
+def _forces(file: "_Tree", vessel: Tree, raos: Tree, omega: FloatArray,
             scale: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """Return X [frequency, direction, i] on the rows of the added mass, and directions [rad]."""
     says = {key: str(vessel.get(key)) for key in (*MEANS, *POSITIVE)}

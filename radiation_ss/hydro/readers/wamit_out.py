@@ -1,7 +1,5 @@
 """WAMIT's formatted .out, rows of its files as arrays without dimension, and what their first column is."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import Counter
@@ -31,7 +29,7 @@ class Header:
     notes: list[str] = field(default_factory=list)
 
 
-def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
+def parse_out(path: Path) -> "tuple[Header, Radiation, Forces | None]":
     """Return header, radiation rows and force rows (or None) of a .out file."""
     lines = _lines(path)
     header = parse_header(path, lines)
@@ -50,7 +48,7 @@ def parse_out(path: Path) -> tuple[Header, Radiation, Forces | None]:
     return header, rows, force_array(path, forces, rows.modes) if forces else None
 
 
-def _tables(path: Path, lines: list[str]) -> tuple[Table, Table]:
+def _tables(path: Path, lines: list[str]) -> "tuple[Table, Table]":
     """Return the radiation of each period and the forces, from diffraction where both tables are there."""
     radiation: Table = {}
     forces: dict[str, Table] = {"DIFFRACTION": {}, "HASKIND": {}}
@@ -101,7 +99,7 @@ def _listed(lines: list[str]) -> int:
     return sum(1 for _ in rows)
 
 
-def add(path: Path, k: int, entries: Entries, modes: Sequence[float], value: Any) -> None:
+def add(path: Path, k: int, entries: "Entries", modes: Sequence[float], value: Any) -> None:
     """Add what line `k` says of modes (i, j), or of mode (i,), to the entries of a period, or of one with a heading."""
     at = tuple(text.index(path, k, mode, MOST_MODES, "mode") for mode in modes)
     if at in entries:

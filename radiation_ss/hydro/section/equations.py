@@ -1,7 +1,5 @@
 """The boundary-integral equations of a section: set up, solved for a block of frequencies, and integrals of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -113,7 +111,7 @@ class Flow:
     kochin_scattered: ComplexArray  # (nw, 2): The same of the scattered potential
 
     @classmethod
-    def join(cls, blocks: Sequence[Flow]) -> Flow:
+    def join(cls, blocks: "Sequence[Flow]") -> "Flow":
         """Return the blocks one after the other."""
         return cls(*(np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(cls)))
 

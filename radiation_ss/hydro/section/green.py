@@ -5,8 +5,6 @@ G ~ ln|P - Q|. Wehausen & Laitone (1960), Surface Waves, section 13; the factore
 docs/theory/section.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +104,7 @@ class DepthTerm:
     weight: ComplexArray
 
     @classmethod
-    def build(cls, depth: float, draft: float, half_breadth: float, K_min: float) -> DepthTerm:
+    def build(cls, depth: float, draft: float, half_breadth: float, K_min: float) -> "DepthTerm":
         """Choose the ray so that cos(k X) does not outgrow the depth factor, and its nodes for about 1e-10."""
         angle = min(0.25 * np.pi, 0.5 * np.arctan2(depth - draft, half_breadth))
         decay = 2.0 * ((depth - draft) * np.cos(angle) - half_breadth * np.sin(angle))
@@ -153,7 +151,7 @@ class FarField:
 
     @classmethod
     def build(cls, omega: FloatArray, depth: float, rho: float, g: float, kochin: ComplexArray,
-              scattered: ComplexArray) -> FarField:
+              scattered: ComplexArray) -> "FarField":
         """Build it from Kochin functions of the radiation (nw, 2, 3) and scattering (nw, 2) potentials."""
         k0 = wave_number(omega ** 2 / g, depth)
         factor = omega * far_field_factor(k0, depth) / g

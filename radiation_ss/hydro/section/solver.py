@@ -1,7 +1,5 @@
 """Radiation and diffraction by a section, deep water or finite depth, all frequencies of a block at once."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -28,7 +26,7 @@ class SectionSolution:
     """All that `solve_section` finds."""
 
     hydro: HydroData  # Coefficients per unit length; `.hydro.times(length)` for a body
-    checks: SectionChecks
+    checks: "SectionChecks"
     section: Section
     panels: int  # On the whole contour
     far_field: FarField  # Radiated and scattered waves
