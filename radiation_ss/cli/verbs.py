@@ -189,7 +189,7 @@ def read_records(args: argparse.Namespace, paths: Sequence[Path], data: HydroDat
 
 def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record:
     """Return the record with the wave elevation at the body, if the comment `probe` says that it is not."""
-    from radiation_ss.records.sensors import probe_place
+    from radiation_ss.records.probe import probe_place
 
     place = probe_place(record)
     if "wave_elevation" not in record.channels or not np.isfinite(place) or place == 0.0:

@@ -10,8 +10,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.records.columns import RATES
+from radiation_ss.records.probe import check_elevation_at_body
 from radiation_ss.records.record import Record
-from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.records.signals import stretches
 
 ENDINGS = tuple(RATES)

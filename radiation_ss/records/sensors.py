@@ -1,8 +1,7 @@
-"""From what sensors measured to what a record holds: probes elsewhere, accelerometers, degrees, other clocks."""
+"""From what sensors measured to what a record holds: accelerometers, degrees, other clocks."""
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,91 +12,10 @@ from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.hydro.data import RIGID, ROTATIONS, mode
 from radiation_ss.records.columns import RATES, split
 from radiation_ss.records.convert import as_record
-from radiation_ss.records.csv_files import number_in
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import band_of
-from radiation_ss.waves.dispersion import carry_elevation
+from radiation_ss.records.signals import band_of, even_samples
 
 ORDER = {suffix: order for order, suffix in enumerate(RATES)}  # of the derivative
-
-
-def at_the_body(record: Record, distance: float | None = None, *, depth: float = np.inf, g: float = 9.81) -> Record:
-    """Return the record with the wave elevation at the body, carried from a probe that stands elsewhere.
-
-    Parameters
-    ----------
-    record : Record
-        With `wave_elevation` as the probe measured it, without the body's own waves.
-    distance : float, optional
-        From the probe to the body in the direction in which the waves travel [m]. If absent, that of the comment
-        `# probe: x`, the probe's place along that direction with the body at 0.
-    depth, g : float
-        Water depth [m], gravity [m/s^2].
-
-    Raises
-    ------
-    InputError
-        If there is no elevation or distance, the body is under way, or samples are missing over more than two steps.
-
-    Examples
-    --------
-    >>> import radiation_ss as rss
-    >>> t = np.arange(0.0, 60.0, 0.05)
-    >>> probe = rss.Record(t, {"wave_elevation": 0.02 * np.cos(6.0 * t)}, meta={"probe": "-1.5"})
-    >>> body = rss.at_the_body(probe)
-    >>> round(float(np.nanmax(np.abs(body.channels["wave_elevation"] - 0.02 * np.cos(6.0 * t - 3.67 * 1.5)))), 3)
-    0.0
-    """
-    record = as_record(record)
-    values = record.channels.get("wave_elevation")
-    if values is None:
-        raise InputError(f"record {record.name}: no channel wave_elevation to carry to the body")
-    if record.speed != 0.0:
-        raise InputError(f"record {record.name}: speed {record.speed:g} m/s; a probe is carried to a body at rest only")
-    if distance is None:
-        if "probe" not in record.meta:
-            raise InputError(f"record {record.name}: the place of the probe is not known; give the distance [m], or "
-                             "the comment `# probe: x`")
-        distance = -probe_place(record)
-        if not np.isfinite(distance):
-            raise InputError(f"record {record.name}: comment 'probe': {record.meta['probe']!r} is no place [m] along "
-                             "the waves, the body at 0")
-    grid, even = even_samples(record, "wave_elevation", values)
-    moved = carry_elevation(even, grid[1] - grid[0], distance, depth=depth, g=g)
-    inside = np.isfinite(moved)
-    at = CubicSpline(grid[inside], moved[inside])(record.time)
-    at[(record.time < grid[inside][0]) | (record.time > grid[inside][-1]) | ~np.isfinite(values)] = np.nan
-    here = {} if np.isnan(probe_place(record)) else {"probe": "0"}
-    return replace(record.with_channels(wave_elevation=at), meta={**record.meta, **here})
-
-
-def probe_place(record: Record) -> float:
-    """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none."""
-    return number_in(record.meta.get("probe", "nan"), "m")
-
-
-def check_elevation_at_body(record: Record) -> None:
-    """Refuse a record whose wave probe stands elsewhere by its own comment."""
-    place = probe_place(record)
-    if "wave_elevation" in record.channels and np.isfinite(place) and place != 0.0:
-        raise InputError(f"record {record.name}, column wave_elevation: comment 'probe' says that it was measured at "
-                         f"{place:g} m, and the body is at 0; at_the_body(record, depth=...) carries it there, or "
-                         "leave the column out (--ignore wave_elevation)")
-
-
-def even_samples(record: Record, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a channel on even times between its first and last sample."""
-    there = np.isfinite(values)
-    t = record.time[there]
-    if t.size < 8:
-        raise InputError(f"record {record.name}: {name} has {t.size} samples; at least 8 are needed")
-    step = float(np.median(np.diff(t)))
-    widest = int(np.argmax(np.diff(t)))
-    if t[widest + 1] - t[widest] > 3.5 * step:
-        raise InputError(f"record {record.name}: {name} has no sample from {t[widest]:.6g} to {t[widest + 1]:.6g} s; "
-                         "take a part without gaps, record.window(start, end)")
-    grid = t[0] + step * np.arange(int((t[-1] - t[0]) / step + 1e-6) + 1)
-    return grid, CubicSpline(t, values[there])(grid)
 
 
 def from_accelerometers(time: ArrayLike, readings: ArrayLike, places: ArrayLike, axes: ArrayLike,

@@ -1,4 +1,4 @@
-"""Signals of a record: spectra, columns of one degree of freedom compared with each other (wrong units), gaps."""
+"""Signals of a record: spectra, columns of one degree of freedom compared (wrong units), gaps, even samples."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,10 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.ndimage import median_filter
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.columns import RATES
 from radiation_ss.records.record import Record
@@ -226,3 +228,18 @@ def bridged(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatA
     even = filled(even, grid.size, int(1.5 * period / step))
     order = np.argsort(at := np.r_[time, grid[missing]], kind="stable")
     return at[order], np.r_[values, even[missing]][order]
+
+
+def even_samples(record: Record, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a channel on even times between its first and last sample."""
+    there = np.isfinite(values)
+    t = record.time[there]
+    if t.size < 8:
+        raise InputError(f"record {record.name}: {name} has {t.size} samples; at least 8 are needed")
+    step = float(np.median(np.diff(t)))
+    widest = int(np.argmax(np.diff(t)))
+    if t[widest + 1] - t[widest] > 3.5 * step:
+        raise InputError(f"record {record.name}: {name} has no sample from {t[widest]:.6g} to {t[widest + 1]:.6g} s; "
+                         "take a part without gaps, record.window(start, end)")
+    grid = t[0] + step * np.arange(int((t[-1] - t[0]) / step + 1e-6) + 1)
+    return grid, CubicSpline(t, values[there])(grid)

@@ -13,8 +13,8 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.section.green import profile, wave_number
 from radiation_ss.records.columns import QUANTITIES
+from radiation_ss.records.probe import check_elevation_at_body
 from radiation_ss.records.record import Record
-from radiation_ss.records.sensors import check_elevation_at_body
 from radiation_ss.simulation.headings import force_of_waves, heading
 from radiation_ss.simulation.measured import unsure_edge
 from radiation_ss.waves.force import on_all
