@@ -10,7 +10,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import no_radiation
 from radiation_ss.body.convert import as_model
-from radiation_ss.body.model import TOLERANCES, Model
+from radiation_ss.body.model import TOLERANCES, Model, checked_tolerance
 from radiation_ss.body.particulars import (
     RESTORED,
     Particulars,
@@ -269,8 +269,7 @@ def _tolerances(given: Mapping[str, float], p: Particulars, data: HydroData | No
     squares = dict.fromkeys(("mass", "A_inf", "stiffness"), 0.0)
     found: dict[str, float] = {}
     for name, value in given.items():
-        if not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
-            raise InputError(f"tolerance of {name}: {value!r}; a share between 0 and 1 is needed (0.02 is 2 %)")
+        checked_tolerance({name: value}, (name,))
         moved = alias.get(name, name)
         if moved in inputs and getattr(p, moved, None) is not None:
             other = _moved(p, moved, value, data, fit)

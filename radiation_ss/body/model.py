@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -220,14 +220,19 @@ def without_rounding(C: FloatArray, inertia: FloatArray, longest: float = 1e6) -
     return read_only(np.where(np.abs(C) < least, 0.0, C), "C", C.shape)
 
 
-def checked_tolerance(given: Mapping[str, float]) -> FrozenMap[str, float]:
-    """Return relative tolerances by name; InputError if a name is unknown or one is not positive and below 1."""
-    for name, value in dict(given).items():
-        if name not in TOLERANCES:
-            raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(TOLERANCES)}")
-        if not isinstance(value, int | float | np.number) or not 0.0 < value < 1.0:
-            raise InputError(f"tolerance of {name}: {value}; a share between 0 and 1 is needed (0.02 is 2 %)")
-    return FrozenMap({name: float(given[name]) for name in TOLERANCES if name in given})
+def checked_tolerance(given: float | Mapping[str, float], names: Collection[str] = TOLERANCES, *,
+                      exact: bool = False) -> FrozenMap[str, float]:
+    """Return relative tolerances by name, or one number for all names; `exact`: one may be 0.
+
+    InputError if a name is unknown or a tolerance is not positive and below 1.
+    """
+    given = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
+    for name, value in given.items():
+        if name not in names:
+            raise InputError(f"tolerance: {name!r} is unknown; use {', '.join(names)}")
+        if not isinstance(value, int | float | np.number) or not (0.0 < value < 1.0 or (exact and value == 0.0)):
+            raise InputError(f"tolerance of {name}: {value!r}; a share between 0 and 1 is needed (0.02 is 2 %)")
+    return FrozenMap({name: float(given[name]) for name in names if name in given})
 
 
 def equation_of_motion(inertia: FloatArray, damping: FloatArray, stiffness: FloatArray,

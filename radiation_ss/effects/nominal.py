@@ -31,8 +31,7 @@ def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float
     if tolerance is None:
         raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
                          "as one number (0.02) or by name")
-    given = dict.fromkeys(TOLERANCES, tolerance) if not isinstance(tolerance, Mapping) else dict(tolerance)
-    return {**TOLERANCES, **checked_tolerance(given)}
+    return {**TOLERANCES, **checked_tolerance(tolerance)}
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:

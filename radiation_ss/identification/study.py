@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.body.model import Model
+from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.identification.passivity import passive
@@ -51,17 +51,7 @@ class Settings:
     def tolerances(self) -> dict[str, float]:
         """A tolerance for each name: one number for all, or by name, the default where not named."""
         given = {} if self.tolerance is None else self.tolerance
-        if not isinstance(given, Mapping):
-            given = dict.fromkeys(TOLERANCES, given)
-        unknown = [name for name in given if name not in TOLERANCES]
-        if unknown:
-            raise InputError(f"tolerance: {unknown[0]!r} is unknown; use {', '.join(TOLERANCES)}")
-        out = TOLERANCES | {name: float(value) for name, value in given.items()}
-        for name, value in out.items():
-            if not 0.0 <= value < 1.0:
-                raise InputError(f"tolerance: {name} relative standard deviation from 0 to below 1 needed, found "
-                                 f"{value}")
-        return out
+        return {**TOLERANCES, **checked_tolerance(given, TOLERANCES, exact=True)}
 
 
 FILTER = ("Q_theta", "Q_state", "Q_force", "R", "units", "analysis", "inflation", "order", "n_ensemble")
