@@ -202,3 +202,14 @@ def test_a_force_at_another_rate_and_a_column_of_no_motion_of_the_model(coupled)
         rss.diagnose(model, force)
     with pytest.raises(InputError, match="Pitch_force has 0 samples where four are needed; its columns are"):
         rss.simulate(model, force)
+
+
+def test_a_record_of_fewer_motions_than_the_model_has_says_how_to_narrow_it(coupled, tmp_path):
+    """What the message names is a call that works."""
+    model, record = coupled
+    heave = rss.Record(record.time, {name: record.channels[name] for name in ("Heave", "Heave_force")})
+    with pytest.raises(InputError, match=r"read_model\(path, dofs=\('Heave',\)\)$"):
+        rss.simulate(model, heave)
+    model.write(tmp_path / "both.nc")
+    narrow = rss.read_model(tmp_path / "both.nc", dofs=("Heave",))
+    assert rss.simulate(narrow, heave).outputs.shape[-1] == record.time.size

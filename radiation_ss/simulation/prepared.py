@@ -165,8 +165,11 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
             if there.sum() < (2 if record.kind == "static" else 4):
                 # What no column holds is zero, or that of a motion that stands still and is not asked for.
                 if record.kind not in ("decay", "static") and (record.kind != "prescribed" or dof in record.dofs):
+                    measured = tuple(d for d in model.dofs if d in record.dofs)
+                    fewer = ("" if dof in record.dofs or not measured else
+                             f"; a model of what it measures: read_model(path, dofs={measured})")
                     raise InputError(f"record {record.name}: {dof}_force has {there.sum()} samples where four are "
-                                     f"needed; its columns are {', '.join(record.channels)}")
+                                     f"needed; its columns are {', '.join(record.channels)}{fewer}")
                 row, there = np.zeros(record.time.size), np.full(record.time.size, True)
             known = np.flatnonzero(there) if np.any(row[there]) else np.flatnonzero(there)[[0, -1]]
             splines.append(CubicSpline(record.time[known], row[known]))
