@@ -113,9 +113,10 @@ def bad_cases(folder, tmp_path):
     }
 
 
-def test_a_probe_that_stands_elsewhere_is_carried_to_the_body(folder, tmp_path, capsys):
+@pytest.mark.parametrize("depth, water", [(0.45, "water of 0.45 m"), (np.inf, "deep water")])
+def test_a_probe_that_stands_elsewhere_is_carried_to_the_body(depth, water, tmp_path, capsys):
     """The oracle is the dispersion relation, solved here: a wave of 6 rad/s lags by k x behind the probe at -x."""
-    depth = tank_hydro(40).depth
+    write_hydro(tank_hydro(40).replace(depth=depth), tmp_path / "tank.nc")
     k = brentq(lambda k: 9.81 * k * np.tanh(k * depth) - 36.0, 1e-3, 100.0)
     time = np.arange(0.0, 80.0, 0.02)
     motion = {}
@@ -123,10 +124,10 @@ def test_a_probe_that_stands_elsewhere_is_carried_to_the_body(folder, tmp_path, 
         record = Record(time, {"wave_elevation": 0.01 * np.cos(6.0 * time - k * place)}, kind="waves",
                         meta={"probe": str(place)} if place else {})
         write_record(record, tmp_path / f"{name}.csv")
-        assert run("simulate", folder / "tank.nc", tmp_path / f"{name}.csv", "--order", 3,
+        assert run("simulate", tmp_path / "tank.nc", tmp_path / f"{name}.csv", "--order", 3,
                    "--out", tmp_path / "out.csv") == 0
         said = capsys.readouterr().err
-        assert ("carried from the probe at -1.5 m" in said) == (name == "probe")
+        assert (f"carried from the probe at -1.5 m to the body, in {water}" in said) == (name == "probe")
         found = read_record(tmp_path / "out.csv").window(40.0, 60.0)
         motion[name] = found.channels["Heave"] @ np.exp(-6.0j * found.time)
     # A wrong way would turn the phase by twice k x = 11 rad; the ends of the record, in truth endless, count for 1 %.

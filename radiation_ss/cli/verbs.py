@@ -194,8 +194,8 @@ def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record
     place = probe_place(record)
     if "wave_elevation" not in record.channels or not np.isfinite(place) or place == 0.0:
         return record
-    args.notes.append(f"{record.name}: wave elevation carried from the probe at {place:g} m to the body, in water of "
-                      f"{data.depth:g} m")
+    water = f"water of {data.depth:g} m" if np.isfinite(data.depth) else "deep water"
+    args.notes.append(f"{record.name}: wave elevation carried from the probe at {place:g} m to the body, in {water}")
     return rss.at_the_body(record, depth=data.depth, g=data.g)
 
 
