@@ -4,7 +4,8 @@
 2. The modes of the damping are fitted each alone (`alone`); side by side they are a passive start
    without couplings between them.
 3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states
-   are never worse; large forms take L-BFGS, whose gradient costs about as much as the response.
+   are never worse; large forms take L-BFGS, whose gradient costs about as much as the response, and the largest start
+   from the modes alone.
 4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
@@ -40,6 +41,7 @@ class Search:
     iterations: int = 150  # Most iterations of a size
     largest: int = 320  # Parameters of the largest form whose Jacobian is formed
     descents: int = 600  # Most L-BFGS steps of a larger form, in place of `iterations`
+    grown: int = 1000  # Parameters of the largest form that is also grown from fits of smaller orders
     # What fits of the same samples found, by order; what is found here is added
     known: dict[int, Run] = field(default_factory=dict)
 
@@ -94,6 +96,7 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     check_size(problem, order, form.states, min(free, form.size))
     large = form.size > search.largest and search.passive and not problem.x_points.size
     least = 2 if problem.zero or (large and order > 1) else 1
+    least = order if large and form.size > search.grown else least
     form, theta = _grown_up(problem.without_points(), range(least, order + 1), motions, search, large)
     if large:
         narrow = too_narrow(form, problem, theta)[0].size
