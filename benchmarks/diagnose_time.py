@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one core, before numpy ask
 import numpy as np
 from gap_cases import tank_case
 
-from radiation_ss.blind.cases import make
+from radiation_ss.blind.runner import make
 from radiation_ss.body.convert import read_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.diagnose import diagnose
