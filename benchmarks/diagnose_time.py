@@ -1,4 +1,6 @@
-"""Time of a diagnosis: 5 records of 40 s, the whole library, one core. Writes docs/validation/diagnose_time.md.
+"""Time of a diagnosis: 5 records of 40 s, the whole library, one core; and of the command line with its start.
+
+Writes docs/validation/diagnose_time.md.
 
 With --opened, the slowest cases of opened withheld checks (folders of `radiation-ss blind`) are diagnosed again and
 compared with the processor time that their answers tell.
@@ -7,8 +9,10 @@ compared with the processor time that their answers tell.
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
+import tempfile
 import time
 from datetime import date
 from pathlib import Path
@@ -56,6 +60,24 @@ def timed(name, model, records, unseen):
     return row
 
 
+def by_command_line():
+    """Return (what, processor seconds, asked) of the demo with nothing compiled yet, again, and of a diagnosis."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        demo, run = Path(folder) / "demo", "import sys; from radiation_ss.cli import main; sys.exit(main(sys.argv[1:]))"
+        files = [str(demo / name) for name in ("tank.nc", "decay_40mm.csv", "waves_40mm.csv")]
+        diagnosis = ["diagnose", *files, "--withhold", str(demo / "waves_50mm_unseen.csv"), "--out", f"{folder}/gap"]
+        surroundings = {**os.environ, "NUMBA_CACHE_DIR": f"{folder}/compiled", "PYTHONPATH": str(ROOT)}
+        for what, words, asked in (("first demo, nothing compiled", ["demo", "--out", str(demo)], 20),
+                                   ("demo again", ["demo", "--out", str(demo)], ""), ("diagnose, heave", diagnosis, 5)):
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run([sys.executable, "-c", run, *words], env=surroundings, check=True, capture_output=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            rows.append((what, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, asked))
+            print(*rows[-1], flush=True)
+    return rows
+
+
 def slowest(folder, count):
     """Return name, status and seconds, then and now, of the slowest cases of an opened check."""
     told = {path.parent.name: json.loads(path.read_text()) for path in folder.glob("answers/*/answer.json")}
@@ -92,6 +114,8 @@ def main():
     lines += ["", f"{len(rows) - len(slow)} of {len(rows)} cases are within {GOAL:.0f} s." + (
         f" The slowest takes {max(row[3] for row in slow):.1f} s: "
         + "; ".join(row[0] for row in slow) + "." if slow else "")]
+    lines += ["", "By the command line:", "", "|command|processor time [s]|asked|", "|---|---|---|"]
+    lines += [f"|{a}|{b:.1f}|{c}|" for a, b, c in by_command_line()]
     hard = [row for folder in chosen.opened for row in slowest(folder, chosen.slowest)]
     if hard:
         lines += ["", f"The {chosen.slowest} slowest cases of each opened withheld check, as diagnosed when they were "

@@ -16,6 +16,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.acting import Action, acting
 from radiation_ss.effects.definition import Active, named
+from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled
 
@@ -182,9 +183,7 @@ class Symbols:
         response = x + w * v + w**2 * a
         radiation = memory @ fit.c + states
         if np.any(radiation):
-            moving = np.linalg.solve(w * np.eye(fit.states) - fit.a,
-                                     np.broadcast_to(fit.b, (omega.size, *fit.b.shape)))
-            response = response + radiation @ (w * moving)
+            response = response + w * frequency_response(fit.a, fit.b, radiation, omega)
         return np.asarray(response)
 
     def force(self, rows: Series, strength: int, values: FloatArray, at_one: FloatArray, steps: FloatArray,

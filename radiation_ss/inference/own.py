@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.stored import Values
@@ -70,8 +71,13 @@ class OwnBlock:
     def of(cls, matrix: FloatArray, side: FloatArray) -> OwnBlock:
         """Take a block of shape (k, k) and its side of shape (head, k)."""
         at = np.flatnonzero(np.any(side, axis=1))
-        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-        return cls(inverse, at, inverse @ side[at].T, float(np.linalg.slogdet(matrix)[1]))
+        lower, failed = dpotrf(matrix, lower=True)
+        if failed or not matrix.size:  # not positive but for round-off
+            inverse, log_determinant = np.linalg.inv(matrix), np.linalg.slogdet(matrix)[1]
+        else:
+            half = np.tril(dpotri(lower, lower=True)[0])
+            inverse, log_determinant = half + np.tril(half, -1).T, 2.0 * np.sum(np.log(np.diag(lower)))
+        return cls(np.asarray(inverse, dtype=np.float64), at, inverse @ side[at].T, float(log_determinant))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,19 +162,20 @@ class Packed:
         return found
 
     def scales(self, spread: FloatArray) -> list[FloatArray]:
-        """Return the spreads of the shared unknowns and each record's, for all pairs of them."""
-        both = [np.concatenate([spread[: self.count], spread[i:j]]) for i, j in pairwise(self.starts)]
-        return [np.outer(scale, scale) for scale in both]
+        """Return the spreads of the shared unknowns and each record's."""
+        return [np.concatenate([spread[: self.count], spread[i:j]]) for i, j in pairwise(self.starts)]
 
     def information(self, weights: FloatArray, spread: FloatArray) -> tuple[FloatArray, list[FloatArray],
                                                                             list[FloatArray]]:
         """Return values.T diag(weights) values + 1 of standardised unknowns: head, sides and blocks of an arrow."""
         scales, n = self.scales(spread), self.count
-        grams = [np.zeros(scale.shape) for scale in scales]
+        grams, roots = [np.zeros((scale.size, scale.size)) for scale in scales], np.sqrt(weights)[:, None]
         for piece in self.pieces:
-            root = np.sqrt(weights[piece.rows, None]) * piece.values  # of a matrix times itself BLAS makes one half
+            root = roots[piece.rows] * piece.values  # of a matrix times itself BLAS makes one half
             grams[piece.owner][piece.square] += root.T @ root
-        grams = [gram * scale for gram, scale in zip(grams, scales)]
+        for gram, scale in zip(grams, scales):
+            gram *= scale[:, None]
+            gram *= scale
         head = np.eye(n) + sum(gram[:n, :n] for gram in grams)
         return head, [g[:n, n:] for g in grams], [np.eye(len(g) - n) + g[n:, n:] for g in grams]
 
@@ -178,9 +185,9 @@ class Packed:
         for block, scale in zip(arrow.blocks, self.scales(spread)):
             cross = block.carry @ covariance[block.at]
             own = block.inverse + cross[:, block.at] @ block.carry.T
-            wholes.append(np.block([[covariance, -cross.T], [-cross, own]]) * scale)
+            wholes.append(scale[:, None] * np.block([[covariance, -cross.T], [-cross, own]]) * scale)
         for piece in self.pieces:
-            found[piece.rows] = np.sum((piece.values @ wholes[piece.owner][piece.square]) * piece.values, axis=1)
+            found[piece.rows] = np.einsum("ij,ij->i", piece.values @ wholes[piece.owner][piece.square], piece.values)
         return found
 
     def variances(self, covariance: FloatArray, arrow: Arrow) -> FloatArray:

@@ -145,6 +145,8 @@ def _left(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray, acts: N
         if not there.any():
             shares.append(1.0)
             continue
-        fitted = lsq_linear(np.hstack([terms.real, terms.imag]).T, np.r_[error.real, error.imag], (low, 1.0))
+        whole = np.vstack([np.hstack([terms.real, terms.imag]), np.r_[error.real, error.imag]]).T
+        small = np.asarray(np.linalg.qr(whole, mode="r"))  # the same squares in as many rows as columns
+        fitted = lsq_linear(small[:, :-1], small[:, -1], (low, 1.0))
         shares.append(2.0 * fitted.cost)
     return float(np.sqrt(np.mean(shares)))
