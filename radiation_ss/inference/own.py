@@ -75,8 +75,9 @@ class OwnBlock:
         if failed or not matrix.size:  # not positive but for round-off
             inverse, log_determinant = np.linalg.inv(matrix), np.linalg.slogdet(matrix)[1]
         else:
-            half = np.tril(dpotri(lower, lower=True)[0])
-            inverse, log_determinant = half + np.tril(half, -1).T, 2.0 * np.sum(np.log(np.diag(lower)))
+            half, log_determinant = dpotri(lower, lower=True)[0], 2.0 * np.sum(np.log(np.diag(lower)))
+            inverse = half + half.T  # above the diagonal half is zero
+            inverse.flat[::len(matrix) + 1] *= 0.5
         return cls(np.asarray(inverse, dtype=np.float64), at, inverse @ side[at].T, float(log_determinant))
 
 
