@@ -247,16 +247,16 @@ def arrays(largest: int = 100) -> Rows:
     yield ("B_ij = B(w) J0(k r_ij) in a row, 2 m apart, B = w^3 exp(-w^2), k = 4 w^2 / g, A by the Kramers-Kronig relation; one joint "
            "passive model of 4 or 6 states a body. Slope: of the time from one N to the next.")
     yield ""
-    yield "| N | error, 4 | CPU s | slope | error, 6 | CPU s | slope |"
+    yield "|N|error, 4|CPU s|slope|error, 6|CPU s|slope|"
     yield "|---|---|---|---|---|---|---|"
     before: dict[int, tuple[int, float]] = {}
     for count in (n for n in (4, 16, 32, 64, 100) if n <= largest):
-        data, row = array_of(count), f"| {count} |"
+        data, row = array_of(count), f"|{count}|"
         for order in (4, 6):
             fit, seconds = timed(lambda data=data, order=order: rss.fit_radiation(data, order))
             fewer, faster = before.get(order, (count, seconds))
             slope = f"{np.log(seconds / faster) / np.log(count / fewer):.1f}" if fewer < count else ""
-            row += f" {fit.relative_error:.4f} | {seconds:.1f} | {slope} |"
+            row += f"{fit.relative_error:.4f}|{seconds:.1f}|{slope}|"
             before[order] = count, seconds
         yield row
     count = min(largest, 32)
