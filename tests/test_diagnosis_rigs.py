@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 import radiation_ss as rss
 from radiation_ss.effects import Line, catenary, effect_named, named
@@ -93,6 +94,10 @@ def test_a_column_of_noise_is_no_wrong_unit():
     model = rss.body(dof=["Heave", "Roll"], mass=40.0, C={"Heave": 2400.0, "Roll": 90.0}, gyradius=0.447,
                      added_mass={"Heave": 20.0, "Roll": 2.0}, damping_ratio={"Heave": 0.05, "Roll": 0.05})
     check_units(model, [record])
+    # Coloured noise of two sensors at rest, one a hundred times what the other's slope would be.
+    slow = lfilter([1.0], [1.0, -0.95], rng.standard_normal((2, time.size)))
+    still = {**motion, "Heave": 1e-3 * slow[0], "Heave_acceleration": 1e-4 * slow[1]}
+    check_units(model, [rss.Record(time, still, kind="decay", name="roll")])
     heave = 0.1 * np.exp(-0.2 * time) * np.cos(6.0 * time)
     moving = rss.Record(time, {**motion, "Heave": heave, "Heave_velocity": 100.0 * np.gradient(heave, time)}, "decay")
     with pytest.raises(rss.InputError, match="Heave_velocity"):

@@ -133,3 +133,29 @@ def test_unseen_are_the_strengths_whose_force_is_zero_along_the_motion(turning):
     problem = equation_error(model, [measured_motion(model, record)], tolerances(0.02))
     term, = terms_of(problem, [effect])
     assert unseen_strengths(problem, term) == {name for name, G in springs.items() if not np.any(np.array(G) @ x)}
+
+
+@pytest.mark.parametrize("noise, told", [(1e-3, 1.0), (0.05, 1.0), (0.6, 0.0)])
+def test_a_motion_is_read_as_far_up_as_it_stands_out_of_noise(noise, told):
+    """Stops and drags see all of a motion, waves on a slow one too, also where the rows end below them."""
+    model = rss.body(dof="Surge", mass=1000.0, added_mass=400.0, C=100.0, damping_ratio=0.02)
+    rng, time = np.random.default_rng(5), np.arange(0.0, 400.0, 0.2)
+    x = np.cos(0.3 * time) + 0.1 * np.cos(2.2 * time) + noise * rng.standard_normal(time.size)
+    run = measured_motion(model, rss.Record(time, {"Surge": x}, kind="motion-only", name="sea"))
+    assert run.reach[0] < 2.2
+    waves = [np.cos(0.3 * run.time), np.cos(2.2 * run.time), np.sin(2.2 * run.time)]
+    _, size, late = np.linalg.lstsq(np.stack(waves, axis=1), run.x[0])[0]
+    # Of N samples an amplitude is off by sqrt(2 / N) of their noise; what is left out is none.
+    assert abs(size - 0.1 * told) < 0.01 and abs(late) < 0.01
+
+
+def test_the_noise_of_an_accelerometer_is_largest_in_slow_motion():
+    """White noise of S in an acceleration is one of S / omega^4 in the displacement."""
+    model = rss.body(dof="Heave", mass=1000.0, added_mass=400.0, C=5600.0, damping_ratio=0.02)
+    rng, time = np.random.default_rng(6), np.arange(0.0, 300.0, 0.05)
+    a = -4.0 * np.cos(2.0 * time) + 0.1 * rng.standard_normal(time.size)
+    run = measured_motion(model, rss.Record(time, {"Heave_acceleration": a}, kind="motion-only", name="sea"))
+    omega = run.basis[0].omega
+    kept = omega > 0.5
+    expected = 0.1 / np.sqrt(run.kept) / omega**2
+    assert np.abs(run.noise[0, kept] / expected[kept] - 1.0).max() < 0.25  # of a spectrum in 8 pieces

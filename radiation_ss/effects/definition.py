@@ -28,8 +28,8 @@ class Effect:
     force : callable (s, p) -> expression, optional
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
         (exciting force), t, memory (radiation force), elevation with its elevation_rate and envelope, orbital (velocity
-        of the linear wave along the degree of freedom; of its slope for rotations), speed of the effect's degree of
-        freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May
+        of the linear wave along the degree of freedom; of its slope for rotations) and below, that at the depth of the
+        hull, speed of the effect's degree of freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May
         depend on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope
         "between", x, v, a are the first motion minus the second, and the force on the second is the opposite.
     rates : callable (s, p) -> list of expressions, optional
@@ -233,7 +233,8 @@ def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> Sim
                            elevation=scales.elevation * np.sqrt(2.0) * np.cos(phase + 1.0),
                            elevation_rate=-scales.omega * scales.elevation * np.sqrt(2.0) * np.sin(phase + 1.0),
                            envelope=np.sqrt(2.0) * scales.elevation * np.ones(phase.size),
-                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="", speed=scales.speed,
+                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0),
+                           below=0.5 * scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="", speed=scales.speed,
                            memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
                            scales=scales)
 

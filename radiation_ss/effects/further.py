@@ -22,20 +22,21 @@ def effects() -> list[Effect]:
 
 def hydrodynamic() -> list[Effect]:
     """Return the effects of waves and viscous flow."""
-    # The water is slower at the depth where the flow separates than at the surface, and faster beside a hull.
+    # The water is slower at the depth where the flow separates than at the surface, short waves' most, or faster beside
+    # a hull.
     depth = P("1", 0, lambda s: 0.3, lambda s: (0.0, 0.3), lower=-1.0, upper=1.0)
     return [
         Effect("morison_drag",
                {"coefficient": P("F/(X/s)^2", 1), "attenuation": depth},
                lambda s, p: -p.coefficient * ca.fabs(relative_to_water(s, p)) * relative_to_water(s, p),
                needs="waves", rare=True,
-               summary="drag of the velocity relative to the water's: -c |u| u, u = v - (1 - q) w, w the linear wave's "
-                       "orbital velocity at the surface (Morison et al. 1950)"),
+               summary="drag of the velocity relative to the water's: -c |u| u, u = v - w + q (w - w_d), w the linear "
+                       "wave's orbital velocity at the surface, w_d at the depth of the hull (Morison et al. 1950)"),
         Effect("linear_morison_drag",
                {"coefficient": P("F/(X/s)", 1), "attenuation": depth},
                lambda s, p: -p.coefficient * relative_to_water(s, p), linear=True, needs="waves", rare=True,
                summary="linear damping of the velocity relative to the water's, of perforated walls or a drag made "
-                       "linear: -c u, u = v - (1 - q) w"),
+                       "linear: -c u, u as in morison_drag"),
         Effect("crossflow_drag",
                {"coefficient": P("F/(X/s)^2", 1),
                 "length": P("X/Y", 1, gyradius, lambda s: (2.5 * gyradius(s), 5.0 * gyradius(s)), lower=gyradius,
@@ -92,7 +93,7 @@ def hydrodynamic() -> list[Effect]:
 
 def relative_to_water(s: Any, p: Any) -> Any:
     """Return the velocity relative to the water's at the depth of a drag."""
-    return s.v - (1.0 - p.attenuation) * s.orbital
+    return s.v - s.orbital + p.attenuation * (s.orbital - s.below)
 
 
 def gyradius(s: Scales) -> float:

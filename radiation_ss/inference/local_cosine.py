@@ -124,11 +124,12 @@ def samplewise(count: int) -> Block:
     return Block(0, np.eye(count), none, none, np.zeros(count))
 
 
-def smooth(basis: list[Block], values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a signal's part in the span of the basis with its first two derivatives, each of the signal's shape."""
+def smooth(basis: list[Block], values: FloatArray, tops: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the parts of signals (n, nt) in the span of the basis up to frequencies `tops` (n,), and two derivatives.
+    """
     found = tuple(np.zeros_like(values) for _ in range(3))
     for block in basis:
-        weight = block.project(values)
+        weight = block.project(values) * (block.omega <= tops[:, None])
         for part, shape in zip(found, (block.g, block.dg, block.ddg)):
             part[..., block.samples] += weight @ shape
     return found[0], found[1], found[2]

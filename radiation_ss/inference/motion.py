@@ -17,6 +17,7 @@ from radiation_ss.inference.readings import (
     Sensor,
     averaged,
     channel,
+    clear_up_to,
     coloured_noise,
     driven_up_to,
     fewest,
@@ -78,7 +79,7 @@ class MeasuredMotion:
     sensors: tuple[Sensor, ...]
     elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
     envelope: FloatArray  # (nt,): Its envelope [m]
-    # (n, nt): Velocity of the linear wave along each degree of freedom at the body; 0 without an elevation
+    # (2 n, nt): Velocity of the linear wave along each degree of freedom, at the body and below it: see `wave_motion`
     orbital: FloatArray
     # (n, nt - 1): What `v` lasts from each sample to the next [s]: dt, or in a static test what the way takes
     steps: FloatArray
@@ -151,25 +152,31 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     top = min(fastest, 0.7 * np.pi / (step * grid.keep))
     basis = ([samplewise(time.size)] if still else
              blocks(time.size, dt, length, top, 0.125 * length, resolution.alike))
+    bins = None if still else basis[0].omega
     raw, noise = np.zeros((model.n, time.size)), np.zeros((model.n, basis[0].omega.size))
+    tops = np.full(model.n, top)
     for i, f in enumerate(found):
         if f is not None:
             values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
             raw[i] = averaged(values, grid.keep)
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
-            level = grid.noise(*f[1:], omega[i], None if still else basis[0].omega, resolution.white)
-            noise[i] = np.maximum(level / omega[i] ** f[0], floor)
+            level = grid.noise(*f[1:], omega[i], bins, resolution.white)
+            # An integral's noise is that of each frequency; what is slower than `integrated` keeps is in `lost`.
+            slow = omega[i] if bins is None else np.maximum(bins, 0.2 * omega[i])
+            noise[i] = np.maximum(level / slow ** f[0], floor)
+            if not still:
+                tops[i] = clear_up_to(grid, f, omega[i], resolution.white, top)
     if still:
         states = np.zeros((model.fit.states, time.size))
         x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s[0]) for row, s in zip(raw, noise))))
     else:
-        x, v, a = smoothed(raw, dt, length, top, omega if record.kind == "decay" else None)
+        x, v, a = smoothed(raw, dt, length, tops, omega if record.kind == "decay" else None)
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, grid)
     transients = left_over(model, time, v) if not still else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
-    extra = tuple(second_sensors(model, record, grid, found, omega))
+    extra = tuple(second_sensors(model, record, grid, found, omega, bins, resolution.white))
     waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, reach, basis, extra, waves[0], waves[1], waves[2:], steps)
@@ -204,9 +211,9 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
                    f"each of {least:.3g} s at least."]
 
 
-def smoothed(raw: FloatArray, dt: float, length: float, top: float, swings: FloatArray | None = None
+def smoothed(raw: FloatArray, dt: float, length: float, tops: FloatArray, swings: FloatArray | None = None
              ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacement, velocity and acceleration in the span of the basis, reflected beyond the record's ends.
+    """Return displacement, velocity and acceleration up to frequencies `tops` (n,), reflected beyond the record's ends.
 
     A decay, of circular frequencies `swings` (n,), starts with its largest acceleration: what is before its start keeps
     slope and curvature, x(-t) = x(t) - 2 v(0) sin(w t) / w.
@@ -219,8 +226,8 @@ def smoothed(raw: FloatArray, dt: float, length: float, top: float, swings: Floa
         before = raw[:, pad:0:-1] - 2.0 * (first / swings)[:, None] * np.sin(phase)
     after = 2 * raw[:, -1:] - raw[:, -2:-pad - 2:-1]
     full = np.concatenate([before, raw, after], axis=1)
-    basis = blocks(full.shape[1], dt, length, top, 0.25 * length)
-    return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full))  # type: ignore[return-value]
+    basis = blocks(full.shape[1], dt, length, tops.max(), 0.25 * length)
+    return tuple(part[:, pad:pad + raw.shape[1]] for part in smooth(basis, full, tops))  # type: ignore[return-value]
 
 
 def start_slopes(raw: FloatArray, dt: float, omega: FloatArray) -> FloatArray:

@@ -72,12 +72,15 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A second sensor on a degree of freedom: position, order of its time derivative, readings and noise a sample."""
+    """A second sensor on a degree of freedom: position, order of its time derivative, readings and noise a sample.
+
+    noise (bins,): standard deviation a sample of white noise as strong as the sensor's in each bin of the basis.
+    """
 
     dof: int
     order: int
     values: FloatArray
-    noise: float
+    noise: FloatArray
 
 
 def moves(model: Model, record: Record) -> bool:
@@ -252,6 +255,24 @@ def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, 
     return np.asarray(np.sqrt(np.where(count > 0, np.minimum(density, shown), density) / (2.0 * dt)))
 
 
+def clear_up_to(grid: Grid, found: tuple[int, FloatArray, FloatArray], omega: float, white: float, least: float,
+                clear: float = 2.0) -> float:
+    """Return the frequency [rad/s], `least` at least, up to which a motion stands out of its sensor's noise.
+
+    There its power in a third of an octave is `clear` times that of the noise for the last time.
+    """
+    _, time, values = found
+    own, highest = np.interp(grid.own, time, values), 0.7 * np.pi / (grid.step * grid.keep)
+    at, power, _, _ = spectra(own, grid.step, omega, 8)
+    above = (at > least) & (at <= highest)
+    if not above.any():
+        return least
+    noise = 2.0 * grid.step * coloured_noise(own, grid.step, omega, at[above], white) ** 2
+    third = np.floor(3.0 * np.log2(at[above] / least)).astype(int)
+    there = np.flatnonzero(np.bincount(third, power[above]) > clear * np.bincount(third, noise))
+    return min(least * 2.0 ** ((there[-1] + 1.0) / 3.0), highest) if there.size else least
+
+
 def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
     """Return the rate of a slow test, and the time that each piece of its way takes at that rate [s].
 
@@ -272,9 +293,9 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
     return ways * pace, gone / pace
 
 
-def second_sensors(model: Model, record: Record, grid: Grid,
-                   found: list[tuple[int, FloatArray, FloatArray] | None], omega: FloatArray) -> list[Sensor]:
-    """Return velocity and acceleration sensors beside a displacement whose noise is their own.
+def second_sensors(model: Model, record: Record, grid: Grid, found: list[tuple[int, FloatArray, FloatArray] | None],
+                   omega: FloatArray, at: FloatArray | None, white: float) -> list[Sensor]:
+    """Return velocity and acceleration sensors beside a displacement whose noise is their own; see `Grid.noise`.
 
     One whose noise goes along with the displacement's derivative was computed from it and says nothing more.
     """
@@ -291,7 +312,7 @@ def second_sensors(model: Model, record: Record, grid: Grid,
             time, reading = bridged(record.time[there], values[0][there], 2 * np.pi / omega[i])
             if not derived(base, np.interp(grid.own, time, reading), grid.step, order, omega[i]):
                 least = 1e-3 * float(np.std(reading)) * np.sqrt(grid.split / grid.keep)
-                level = max(float(grid.noise(time, reading, omega[i])), least)
+                level = np.atleast_1d(np.maximum(grid.noise(time, reading, omega[i], at, white), least))
                 sensors.append(Sensor(i, order, averaged(grid.between(time, reading), grid.keep), level))
     return sensors
 
@@ -317,7 +338,7 @@ def known_force(model: Model, record: Record, grid: Grid) -> FloatArray | None:
 
 
 def still_or_waves(model: Model, record: Record, grid: Grid) -> FloatArray:
-    """Return elevation, envelope and orbital velocities on the grid, shape (2 + n, nt); 0 without an elevation."""
+    """Return elevation, envelope and orbital velocities on the grid, shape (2 + 2 n, nt); 0 without an elevation."""
     if "wave_elevation" not in record.channels:
-        return np.zeros((2 + model.n, grid.time.size))
+        return np.zeros((2 + 2 * model.n, grid.time.size))
     return np.stack([averaged(f(grid.even), grid.keep) for f in wave_motion(model, record)])

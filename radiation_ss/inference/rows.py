@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from radiation_ss.arrays import FloatArray
@@ -64,7 +65,8 @@ def rows_of(model: Model, run: MeasuredMotion, place: Place) -> tuple[np.ndarray
                  - projected_on(run.basis, run.raw[i], place.order, place.bins)).ravel()
         size = np.full(omega.size, float(np.std(reading.values)))
         own = np.tile(run.noise[i, : place.bins], len(run.basis))
-        return (error, reading.noise**2 + own**2 * omega ** (2 * place.order), size, size,
+        its = np.tile(reading.noise[: place.bins], len(run.basis))
+        return (error, its**2 + own**2 * omega ** (2 * place.order), size, size,
                 np.full(omega.size, n * BANDS + i), np.full(omega.size, n + i))
     force = run.force if run.force is not None else np.zeros_like(run.raw)
     error = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
@@ -96,13 +98,14 @@ def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
     return np.asarray(np.tensordot(power, each, axes=1))
 
 
-def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], scale: FloatArray, noise: FloatArray,
-         share: float, rounding: float = 1e-9) -> csr_array | None:
+def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], noise: FloatArray, share: float,
+         rounding: float = 1e-9) -> csr_array | None:
     """Return the matrix that adds multiples of other motions' rows to each row; put what noise is left in place.
 
     The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
-    effects that together make another motion's row would explain it; here it is taken out beforehand. In each bin the
-    multiples are those of least noise, together with a share of the added motion's own force for its model's error.
+    effects that together make another motion's row would explain it; here it is taken out beforehand. In each row the
+    multiples are those of least noise, together with a share of the added motion's own force there, of its stiffness and
+    inertia, for its model's error.
     """
     if model.n == 1:
         return None
@@ -111,26 +114,32 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
         mine = [p for p in places if p.record == r and p.order < 0]
         if run.prescribed or len(mine) < 2:
             continue
-        S = noise_in_rows(model, run, max(p.bins for p in mine))
+        bins = max(p.bins for p in mine)
+        S, omega = noise_in_rows(model, run, bins), run.basis[0].omega[:bins]
+        stiff = np.abs(np.diag(model.C)) + omega[:, None] ** 2 * np.diag(model.M + model.A_inf)
+        force = (share * stiff * projected_on(run.basis, run.raw, bins=bins).transpose(1, 2, 0)) ** 2
+        force = uniform_filter1d(force, min(3, bins), axis=1) + 1e-300  # (blocks, bins, n), of neighbouring bins
         for p in mine:
             others = [q for q in mine if q.dof != p.dof]
             for k in range(p.bins):
                 use = [q for q in others if q.bins > k]
                 at = [q.dof for q in use]
-                own = np.array([share**2 * np.mean(scale[q.rows].reshape(-1, q.bins)[:, k] ** 2) for q in use])
-                t = -np.linalg.solve(S[k][np.ix_(at, at)] + np.diag(own + 1e-300), S[k][at, p.dof])
+                both, side = S[k][np.ix_(at, at)], S[k][at, p.dof]
+                t = -np.linalg.solve(both + np.eye(len(at)) * force[:, k, at][:, None], side[:, None])[..., 0]
                 # What takes out no more than rounding would carry all of another motion's unknowns along.
-                t[np.abs(t) * np.sqrt(S[k][at, at]) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
+                t[np.abs(t) * np.sqrt(np.diag(both)) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
                 lines = p.rows.start + k + p.bins * np.arange(len(run.basis))
-                noise[lines] = S[k][p.dof, p.dof] + 2.0 * t @ S[k][at, p.dof] + t @ S[k][np.ix_(at, at)] @ t
-                for q, weight in [(q, weight) for q, weight in zip(use, t) if weight]:
+                noise[lines] = S[k][p.dof, p.dof] + 2.0 * t @ side + np.sum(t @ both * t, axis=1)
+                for q, weights in zip(use, t.T):
                     row.append(lines)
                     column.append(q.rows.start + k + q.bins * np.arange(len(run.basis)))
-                    value.append(np.full(lines.size, weight))
-    count = scale.size
+                    value.append(weights)
+    count = noise.size
     added = coo_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(count, count)
                       ) if value else coo_array((count, count))
-    return csr_array(added + eye_array(count))
+    found = csr_array(added + eye_array(count))
+    found.eliminate_zeros()
+    return found
 
 
 def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:

@@ -19,10 +19,12 @@ from radiation_ss.records.record import Record
 FACTOR = 25.0  # between two ways to one number; degrees for radians are 57, millimetres 1000
 
 
-def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float = 0.8) -> list[str]:
+def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float = 0.8,
+                     coherent: float = 0.2) -> list[str]:
     """Return a sentence for each pair of columns of a degree of freedom that are no derivatives of each other.
 
-    `opposite`: correlation with which a turned sign is said. `rows`: what the rows are called.
+    `opposite`: correlation with which a turned sign is said. `coherent`: least with which two columns are one motion:
+    of two sensors at rest each shows its own noise. `rows`: what the rows are called.
     """
     rows = rows or f"all {record.time.size} rows"
     have = columns_of(record, dof)
@@ -35,10 +37,13 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
         omega, below = spectrum_of(record, record.channels[lower])
         above = spectrum_of(record, record.channels[upper])[1]
         factor = factor_between(omega, above, below * omega ** (high - low))
+        made = below * (1j * omega) ** (high - low)
         if factor is not None:
-            off.append((lower, upper, factor))
+            if max(abs(compared(above[band], made[band])[0]) for band in (band_of(omega, above), band_of(omega, made))
+                   ) >= coherent:
+                off.append((lower, upper, factor))
             continue
-        band, made = band_of(omega, above), below * (1j * omega) ** (high - low)
+        band = band_of(omega, above)
         if compared(above[band], made[band])[0] < -opposite:
             turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
                           "of them is turned")

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.hydro.section.green import profile, wave_number
@@ -69,7 +70,7 @@ class Prepared:
 
     @cached_property
     def wave_drive(self) -> FloatArray:
-        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, 2 + n)."""
+        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, 2 + 2 n)."""
         assert self.model is not None
         return self._at_steps([*map(self._followed, wave_motion(self.model, self.record))])
 
@@ -204,17 +205,28 @@ def filtered(record: Record, transfer: Callable[[FloatArray], ComplexArray]) -> 
     return time, np.fft.irfft(np.fft.rfft(full)[:, None] * transfer(omega), full.size, axis=0)[: time.size]
 
 
+def flow_depth(model: Model) -> float:
+    """Return a depth [m] of the size of the hull: the edge of a cube of its displacement.
+
+    Of a model without a translation it is the inverse wave number at its first natural frequency.
+    """
+    rho, g = (model.hydro.rho, model.hydro.g) if model.hydro is not None else (1000.0, 9.81)
+    masses = [model.M[i, i] for i, dof in enumerate(model.dofs) if mode(dof) in ("Surge", "Sway", "Heave")]
+    return float(np.cbrt(masses[0] / rho)) if masses else g / natural_frequency(model, 0) ** 2
+
+
 def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     """Return elevation, its envelope [m], and orbital velocity of each degree of freedom [m/s, rad/s], at the body.
 
-    At the model's reference point, or at the still surface where that is unknown or above; of rotations the rate of the
-    wave's slope (Airy; Faltinsen 1990, table 2.1). Decays and forced motions without an elevation are in still water.
+    At the model's reference point, or at the still surface where that is unknown or above, then for each degree of
+    freedom again at the depth of the flow, `flow_depth`, below it; of rotations the rate of the wave's slope (Airy;
+    Faltinsen 1990, table 2.1). Decays and forced motions without an elevation are in still water.
     """
     if "wave_elevation" not in record.channels:
         if record.kind not in ("decay", "forced", "prescribed", "static"):
             raise InputError(f"record {record.name}: an effect needs the waves, and there is no column wave_elevation "
                              "[m]; add it, or the kind (decay, forced) if the water is still")
-        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + model.n)
+        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + 2 * model.n)
     known = model.hydro
     g, depth = (known.g, known.depth) if known is not None else (9.81, np.inf)
     along = heading(model, record)
@@ -223,10 +235,13 @@ def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     def transfer(omega: FloatArray) -> ComplexArray:
         w = np.maximum(omega, 1e-9)
         k = wave_number(w**2 / g, depth)
-        flat, upright = profile(k, depth, np.full(k.size, level))
-        speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
-                 "Heave": 1j * g / w * upright, "Roll": w * k * np.sin(along), "Pitch": -w * k * np.cos(along)}
-        rows = [np.ones(w.size), np.full(w.size, -1j)] + [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]
+        surface, rows = profile(k, depth, np.zeros(k.size))[1], [np.ones(w.size), np.full(w.size, -1j)]
+        for at in (level, max(level - flow_depth(model), -depth)):
+            flat, upright = profile(k, depth, np.full(k.size, at))
+            slope = w * k * (1.0 if at == level else upright / surface)
+            speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
+                     "Heave": 1j * g / w * upright, "Roll": slope * np.sin(along), "Pitch": -slope * np.cos(along)}
+            rows += [speed.get(mode(dof), np.zeros(w.size)) for dof in model.dofs]
         return np.asarray(np.where(omega[:, None] > 0.0, np.stack(rows, axis=1), np.eye(1, len(rows))), complex)
 
     time, found = filtered(record, transfer)
