@@ -159,7 +159,7 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # What is rather not there than there is no answer; where the coefficients say so, they may be the cause.
         blamed = on.plausible and sure >= 1.0 - on.contradiction
         return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
-    if on.doubtful and on.shrinks and (on.closes or not on.outside):
+    if on.doubtful and (not on.outside or (on.shrinks and on.closes)):
         # Effects of one set that do not stand out beside each other stand for each other, each beside those that do.
         clear = tuple(label(dofs, e.name, e.dof) for e in on.named)
         apart = tuple((*clear, one) for one in on.sets[0] if one not in clear)

@@ -231,8 +231,10 @@ def sentence(found: Diagnosis) -> str:
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
     noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
-    first = " with the first" if v.status == "ambiguous" else ""
+    first = " with the first" if v.status == "ambiguous" and len(v.indistinguishable) > 1 else ""
     shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}{first}"
+    if h.gap_after > 0.9 * h.gap_before:
+        shrunk = f"the gap on unseen data stays{first}: {h.gap_before:.1%} as given, {h.gap_after:.1%} corrected{noise}"
     if not found.budget.unseen:
         shrunk = "no force is known, so that nothing predicts unseen data"
     elif h.noise_floor > 0.9 * h.gap_before:
@@ -285,6 +287,8 @@ def also(found: Diagnosis, most: int = 2) -> str:
 
 def alternatives(sets: Sequence[Sequence[str]]) -> str:
     """Return what all sets have, and what these records do not tell apart."""
+    if len(sets) == 1:
+        return f"Likely {' and '.join(sets[0])}"
     common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
     rest = [" + ".join(label for label in s if label not in common) for s in sets]
     if not common:
