@@ -1,8 +1,7 @@
 """Methods of data classes whose work stands in a later module: pictures, files, checks.
 
-A data class states the method, its arguments and its docstring, and returns `later(self, "plot", ...)`. LATER
-names the function that does the work; it gets the object as its first argument. So data modules import no module that
-imports them. To add one: a line in LATER and the function in its module (pictures, files of results: report/).
+A data class states the method, its arguments and its docstring, and returns `later("report.plots:plot_fit", self)`
+with the arguments. So data modules import no module that imports them.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,55 +13,11 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-LATER = {
-    "HydroData.__str__": "hydro.clean:text",
-    "HydroData.with_A_inf": "hydro.clean:with_A_inf",
-    "HydroData.rao": "hydro.clean:rao",
-    "HydroData.at": "hydro.clean:at",
-    "HydroData.check": "hydro.quality:check",
-    "HydroData.clean": "hydro.clean:clean",
-    "HydroData.to_xarray": "hydro.readers.capytaine:to_dataset",
-    "HydroData.plot": "report.plots:plot_hydro",
-    "QualityReport.plot": "report.plots:plot_quality",
-    "RadiationFit.write": "fit.files:write_fit",
-    "RadiationFit.plot": "report.plots:plot_fit",
-    "RadiationFit.plot_path": "report.plots:plot_path",
-    "RadiationFit.price_of_passivity": "fit.radiation:price_of_passivity",
-    "Model.__str__": "body.dynamics:text",
-    "Model.from_hydro": "body.dynamics:from_hydro",
-    "Model.to_ss": "body.composite:cummins",
-    "Model.plot": "report.plots:plot_model",
-    "Model.write": "body.convert:write_model",
-    "Record.__str__": "records.convert:text",
-    "Record.plot": "report.plots:plot_record",
-    "Record.from_pandas": "records.convert:from_pandas",
-    "Record.to_pandas": "records.convert:to_pandas",
-    "Record.to_xarray": "records.convert:to_xarray",
-    "Identification.__str__": "report.identification_files:text",
-    "Identification.to_dict": "report.identification_files:to_dict",
-    "Identification.plot": "report.identification_files:coefficients",
-    "Identification.save": "report.identification_files:save",
-    "TestPlan.__str__": "report.plan_plot:text",
-    "TestPlan.plot": "report.plan_plot:plot_plan",
-    "TestPlan.save": "report.plan_plot:save",
-    "Diagnosis.plot": "report.diagnosis_page:overview",
-    "Diagnosis.sentence": "report.diagnosis_page:sentence",
-    "Diagnosis.save": "report.diagnosis_page:save",
-}
 
-
-def later(item: Any, method: str, *arguments: Any, **options: Any) -> Any:
-    """Do the work of a method of `item`."""
-    return function_of(type(item), method)(item, *arguments, **options)
-
-
-def function_of(kind: type, method: str) -> Callable[..., Any]:
-    """Return the function that LATER names for a method of a class, or of the nearest base of it."""
-    for base in kind.__mro__:
-        if place := LATER.get(f"{base.__name__}.{method}"):
-            module, _, name = place.partition(":")
-            return getattr(import_module(f"radiation_ss.{module}"), name)
-    raise LookupError(f"radiation_ss.methods.LATER has no line for {kind.__name__}.{method}")
+def later(place: str, *arguments: Any, **options: Any) -> Any:
+    """Do the work of a method in the function that stands at a place, "report.plots:plot_fit"."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(f"radiation_ss.{module}"), name)(*arguments, **options)
 
 
 def door(room: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:

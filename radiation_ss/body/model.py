@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro import velocity_transform
 from radiation_ss.hydro.data import HydroData
-from radiation_ss.methods import Shown, function_of, later
+from radiation_ss.methods import Shown, later
 
 if TYPE_CHECKING:
     import control as ct
@@ -113,7 +113,7 @@ class Model(Shown):
         >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
         3
         """
-        return function_of(cls, "from_hydro")(data, fit, dofs, order, accuracy, fit_options)
+        return later("body.dynamics:from_hydro", data, fit, dofs, order, accuracy, fit_options)
 
     @property
     def n(self) -> int:
@@ -134,7 +134,7 @@ class Model(Shown):
         >>> model.to_ss().input_labels
         ['heave_force']
         """
-        return later(self, "to_ss")
+        return later("body.composite:cummins", self)
 
     def attached(self, *, stiffness: Mapping[str, float] | ArrayLike | None = None,
                  damping: Mapping[str, float] | ArrayLike | None = None) -> Model:
@@ -183,7 +183,7 @@ class Model(Shown):
         return self.replace(**moved, fit=fit, hydro=hydro)
 
     def __str__(self) -> str:
-        return later(self, "__str__")
+        return later("body.dynamics:text", self)
 
     def plot(self) -> Figure:
         """Draw motion per force and damping over frequency (see `report.plots.plot_model`).
@@ -191,7 +191,7 @@ class Model(Shown):
         >>> len(model.plot().axes)
         2
         """
-        return later(self, "plot")
+        return later("report.plots:plot_model", self)
 
     def write(self, path: str | Path) -> None:
         """Write the model as a Capytaine dataset, .nc (see `radiation_ss.body.convert.write_model`).
@@ -200,7 +200,7 @@ class Model(Shown):
         >>> rss.read_model("buoy.nc").dofs
         ('Heave',)
         """
-        later(self, "write", path)
+        later("body.convert:write_model", self, path)
 
     def replace(self, **changes: object) -> Model:
         """Return a copy with some fields replaced, checked anew.

@@ -144,7 +144,7 @@ class TestPlan(Shown):
         return self.information.detectability(chosen), self.information.separation(chosen)
 
     def __str__(self) -> str:
-        return later(self, "__str__")
+        return later("report.plan_plot:text", self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as JSON holds it.
@@ -168,7 +168,7 @@ class TestPlan(Shown):
         >>> len(plan.plot().axes)
         3
         """
-        return later(self, "plot")
+        return later("report.plan_plot:plot_plan", self)
 
     def save(self, folder: str | Path) -> None:
         """Write plan.json and plan.png.
@@ -178,7 +178,7 @@ class TestPlan(Shown):
         >>> sorted(os.listdir("plan"))
         ['plan.json', 'plan.png']
         """
-        later(self, "save", folder)
+        later("report.plan_plot:save", self, folder)
 
 
 @accepting(model=as_model)

@@ -188,7 +188,7 @@ class Diagnosis(Shown):
     @property
     def sentence(self) -> str:
         """The verdict in one sentence."""
-        return str(later(self, "sentence"))
+        return str(later("report.diagnosis_page:sentence", self))
 
     def __str__(self) -> str:
         return self.sentence
@@ -225,7 +225,7 @@ class Diagnosis(Shown):
         --------
         >>> result.plot().savefig("budget.svg")
         """
-        return later(self, "plot")
+        return later("report.diagnosis_page:overview", self)
 
     def save(self, folder: str | Path) -> None:
         """Write report.json, report.html and corrected.json.
@@ -234,4 +234,4 @@ class Diagnosis(Shown):
         --------
         >>> result.save("gap")
         """
-        later(self, "save", folder)
+        later("report.diagnosis_page:save", self, folder)

@@ -161,7 +161,7 @@ class RadiationFit(Shown):
         >>> fit.write("heave.ss").name
         'heave.ss'
         """
-        return later(self, "write", path)
+        return later("fit.files:write_fit", self, path)
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
         """Return K(iw), shape (nw, n, n), evaluated for all frequencies at once.
@@ -186,7 +186,7 @@ class RadiationFit(Shown):
         >>> len(rss.fit_radiation(data.select("Heave"), 3).plot().axes)
         4
         """
-        return later(self, "plot", entries)
+        return later("report.plots:plot_fit", self, entries)
 
     def plot_path(self) -> Figure:
         """Draw the errors of the orders that were tried (see `report.plots.plot_path`).
@@ -196,7 +196,7 @@ class RadiationFit(Shown):
         >>> figure.axes[0].get_xlabel()
         'order'
         """
-        return later(self, "plot_path")
+        return later("report.plots:plot_path", self)
 
     def polynomials(self, force: int | str = 0, velocity: int | str = 0) -> tuple[FloatArray, FloatArray]:
         """Return (den, num) of one entry as in (23), without the states that the entry does not need.
@@ -233,7 +233,7 @@ class RadiationFit(Shown):
         >>> passive >= free
         True
         """
-        return later(self, "price_of_passivity")
+        return later("fit.radiation:price_of_passivity", self)
 
     def to_ss(self) -> ct.StateSpace:
         """Return the native python-control system: inputs `<dof>_vel`, outputs `<dof>_rad`, states named.

@@ -149,7 +149,7 @@ class HydroData(Shown):
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
-        return later(self, "__str__")
+        return later("hydro.clean:text", self)
 
     @property
     def n(self) -> int:
@@ -237,7 +237,7 @@ class HydroData(Shown):
         >>> float(np.round(abs(moved.rao()[1, 0, 0]), 2))
         1.57
         """
-        return later(self, "rao")
+        return later("hydro.clean:rao", self)
 
     def kernel(self, t: ArrayLike) -> FloatArray:
         """Return the retardation kernel L(t) from the damping (2), shape (nt, n, n); see `transforms.kernel`.
@@ -255,7 +255,7 @@ class HydroData(Shown):
         >>> data.with_A_inf().A_inf
         array([[3.]])
         """
-        return later(self, "with_A_inf")
+        return later("hydro.clean:with_A_inf", self)
 
     def at(self, reference_point: Sequence[float]) -> HydroData:
         """Return the data about another reference point (x, y, z) [m]; see `hydro.clean.at`.
@@ -263,7 +263,7 @@ class HydroData(Shown):
         >>> data.at((0.0, 0.0, -1.0)).reference_point
         (0.0, 0.0, -1.0)
         """
-        return later(self, "at", reference_point)
+        return later("hydro.clean:at", self, reference_point)
 
     def check(self, tolerance: float = 0.03) -> QualityReport:
         """Return what is wrong with the coefficients, as text and picture; see `quality.check`.
@@ -271,7 +271,7 @@ class HydroData(Shown):
         >>> print(str(data.check()).splitlines()[0])
         coefficients: 1 degree of freedom, 4 frequencies from 0.5 to 4 rad/s, rho 1000 kg/m^3, depth inf m
         """
-        return later(self, "check", tolerance)
+        return later("hydro.quality:check", self, tolerance)
 
     def clean(self, **repairs: Any) -> HydroData:
         """Return the data with the repairs that are asked for, each said in the notes; see `clean.clean`.
@@ -279,7 +279,7 @@ class HydroData(Shown):
         >>> data.clean(negative_damping=True).notes
         ('clean: no negative damping to lift',)
         """
-        return later(self, "clean", **repairs)
+        return later("hydro.clean:clean", self, **repairs)
 
     def plot(self, dofs: Sequence[str] | str | None = None) -> Figure:
         """Draw added mass, damping and exciting force over frequency; see `report.plots.plot_hydro`.
@@ -287,7 +287,7 @@ class HydroData(Shown):
         >>> len(data.plot().axes)
         2
         """
-        return later(self, "plot", dofs)
+        return later("report.plots:plot_hydro", self, dofs)
 
     def to_xarray(self) -> xr.Dataset:
         """Return the data as a dataset in Capytaine's form; `read_hydro` takes it back with the same numbers.
@@ -295,7 +295,7 @@ class HydroData(Shown):
         >>> float(rss.read_hydro(data.to_xarray()).B[1, 0, 0])
         0.5
         """
-        return later(self, "to_xarray")
+        return later("hydro.readers.capytaine:to_dataset", self)
 
     def to_frd(self) -> ct.FrequencyResponseData:
         """Return K(iw) as ct.FrequencyResponseData: inputs `<dof>_vel`, outputs `<dof>_rad`.

@@ -88,4 +88,4 @@ class QualityReport(Shown):
 
     def plot(self) -> "Figure":
         """Draw the measures over frequency; see `report.plots.plot_quality`."""
-        return later(self, "plot")
+        return later("report.plots:plot_quality", self)

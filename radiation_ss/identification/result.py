@@ -126,7 +126,7 @@ class Identification(Shown):
         >>> found.to_dict()["schema"]
         'radiation_ss.identification/1'
         """
-        return later(self, "to_dict", force_files)
+        return later("report.identification_files:to_dict", self, force_files)
 
     def save(self, folder: str | Path) -> Path:
         """Write identify.json, force_<record>.csv for each estimated force, and pictures; return the folder.
@@ -134,7 +134,7 @@ class Identification(Shown):
         >>> sorted(path.name for path in found.save("found").iterdir())
         ['coefficients.png', 'identify.json']
         """
-        return later(self, "save", folder)
+        return later("report.identification_files:save", self, folder)
 
     def plot(self) -> "Figure":
         """Return a figure of A, B and the information shares of each diagonal entry.
@@ -142,10 +142,10 @@ class Identification(Shown):
         >>> len(found.plot().axes)
         3
         """
-        return later(self, "plot")
+        return later("report.identification_files:coefficients", self)
 
     def __str__(self) -> str:
-        return later(self, "__str__")
+        return later("report.identification_files:text", self)
 
 
 def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -> Identification:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, FrozenMap, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.methods import Shown, function_of, later
+from radiation_ss.methods import Shown, later
 from radiation_ss.records.columns import own_dofs, split
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class Record(Shown):
             object.__setattr__(self, "name", name)
 
     def __str__(self) -> str:
-        return later(self, "__str__")
+        return later("records.convert:text", self)
 
     def plot(self) -> Figure:
         """Draw the channels over time (see `report.plots.plot_record`).
@@ -131,7 +131,7 @@ class Record(Shown):
         >>> towed.plot().axes[0].get_ylabel()
         '[rad]'
         """
-        return later(self, "plot")
+        return later("report.plots:plot_record", self)
 
     @classmethod
     def from_pandas(cls, frame: pd.DataFrame, **options: Any) -> Record:
@@ -140,7 +140,7 @@ class Record(Shown):
         >>> rss.Record.from_pandas(record.to_pandas()).kind
         'decay'
         """
-        return function_of(cls, "from_pandas")(frame, **options)
+        return later("records.convert:from_pandas", frame, **options)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return a pandas.DataFrame over time [s] (see `radiation_ss.records.convert.to_pandas`).
@@ -148,7 +148,7 @@ class Record(Shown):
         >>> record.to_pandas().columns.tolist()
         ['Heave']
         """
-        return later(self, "to_pandas")
+        return later("records.convert:to_pandas", self)
 
     def to_xarray(self) -> xr.Dataset:
         """Return an xarray.Dataset over time [s] (see `radiation_ss.records.convert.to_xarray`).
@@ -156,7 +156,7 @@ class Record(Shown):
         >>> record.to_xarray()["Heave"].attrs["units"]
         'm'
         """
-        return later(self, "to_xarray")
+        return later("records.convert:to_xarray", self)
 
     @property
     def dofs(self) -> tuple[str, ...]:
