@@ -1,7 +1,5 @@
 """The best set of effects with its numbers, fitted to some records, and the budget that it makes of others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

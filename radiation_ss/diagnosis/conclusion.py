@@ -1,7 +1,5 @@
 """From the probabilities of sets of effects to budget and verdict."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Diagnose the gap between a model and measured records: a budget of causes, and a verdict that follows from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """What the best set leaves: a force beyond noise and tolerances, and whether it is slow against the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What is predicted, its errors, and the gap that they make."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

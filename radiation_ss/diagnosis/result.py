@@ -1,7 +1,5 @@
 """The result of a diagnosis."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -193,7 +191,7 @@ class Diagnosis(Shown):
     def __str__(self) -> str:
         return self.sentence
 
-    def with_notes(self, notes: Sequence[str]) -> Diagnosis:
+    def with_notes(self, notes: Sequence[str]) -> "Diagnosis":
         """Return a copy with more notes.
 
         Examples
@@ -218,7 +216,7 @@ class Diagnosis(Shown):
                                   "tolerance": r.tolerance} for r in self.recalibrated],
                 "rules": self.rules.to_dict(), "corrected": self.corrected.to_dict(), "notes": list(self.notes)}
 
-    def plot(self) -> Figure:
+    def plot(self) -> "Figure":
         """Draw the budget, and the prediction before and after on the unseen records.
 
         Examples
@@ -227,7 +225,7 @@ class Diagnosis(Shown):
         """
         return later("report.diagnosis_page:overview", self)
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: "str | Path") -> None:
         """Write report.json, report.html and corrected.json.
 
         Examples

@@ -1,7 +1,5 @@
 """Every number that decides a verdict, in one place; report.json holds them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Sets of effects by name, and how probable they are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

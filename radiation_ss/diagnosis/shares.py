@@ -1,7 +1,5 @@
 """The budget of a gap on records that no fit has seen: recalibration, each effect, offset, unexplained, noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations

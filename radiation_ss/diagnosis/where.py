@@ -1,7 +1,5 @@
 """Where the gap lies: records, degrees of freedom, bands, phase, amplitude."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Effects as columns of the equation error, sets of them, and the numbers of a set."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

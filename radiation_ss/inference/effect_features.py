@@ -1,7 +1,5 @@
 """What an effect adds to the equation of motion along a measured motion, for each unit of its strengths."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,7 +36,7 @@ class Feature:
 
 
 def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
-             symbols: Symbols | None = None) -> list[list[Feature]]:
+             symbols: "Symbols | None" = None) -> list[list[Feature]]:
     """Return the features of each strength in each record, indexed [strength][record].
 
     `symbols` of the same effect and place, with any numbers, save the time to make them.
@@ -47,7 +45,7 @@ def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
 
 
 def features_of(model: Model, active: Active, runs: Sequence[MeasuredMotion],
-                symbols: Symbols | None = None, responses: bool = True) -> Iterator[list[Feature]]:
+                symbols: "Symbols | None" = None, responses: bool = True) -> Iterator[list[Feature]]:
     """Yield the features of each strength record by record: along long records all of them together are large.
 
     Without `responses` these have no frequencies.
@@ -57,7 +55,7 @@ def features_of(model: Model, active: Active, runs: Sequence[MeasuredMotion],
     return (along(symbols, active, strengths, run, run.omega_fine if responses else np.zeros(0)) for run in runs)
 
 
-def along(symbols: Symbols, active: Active, strengths: Sequence[int], run: MeasuredMotion,
+def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: MeasuredMotion,
           omega: FloatArray) -> list[Feature]:
     """Return the features of one record, their responses at some frequencies."""
     effect, n, nt = active.effect, symbols.model.n, run.time.size

@@ -1,7 +1,5 @@
 """The equation error of a model along measured motion: its rows, and the columns that every candidate has."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

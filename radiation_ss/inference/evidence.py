@@ -7,8 +7,6 @@ are proposed by linear theory about the fit. Each set has Laplace's approximatio
 its own factors of the tolerances and of each motion's errors, and the same unexplained forces and priors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

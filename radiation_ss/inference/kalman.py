@@ -3,8 +3,6 @@
 `innovations` is the same filter compiled, one channel after the other; `filter` runs its steps in loops of its own.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Posterior of standardised parameters: damped Gauss-Newton to a mode, Laplace's approximation at each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -82,7 +80,7 @@ class Peak:
         """Laplace's log evidence up to a constant; the prior is standard normal in every parameter."""
         return self.value - 0.5 * float(np.linalg.slogdet(self.fisher)[1])
 
-    def near(self, other: Peak, distance: float) -> bool:
+    def near(self, other: "Peak", distance: float) -> bool:
         """Return whether two modes are closer than a distance in posterior standard deviations."""
         away = self.phi - other.phi
         return bool(away @ other.fisher @ away < distance**2)

@@ -1,7 +1,5 @@
 """Rows and columns of a Gaussian linear model, the sizes that it learns, and the unknowns that it finds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -68,7 +66,7 @@ class Columns:
     factor: np.ndarray  # (K,) int: Which common factor applies, as in `Own`
     relative: csc_array  # (J, K): Relative change of the data's impedance for each unit
 
-    def __add__(self, other: Columns) -> Columns:
+    def __add__(self, other: "Columns") -> "Columns":
         return joined([self, other])
 
     @property
@@ -108,7 +106,7 @@ class Sizes:
         return np.array([0.0, self.tolerance, self.offset, self.before, self.coherent])
 
     @classmethod
-    def of(cls, vector: FloatArray, groups: int) -> Sizes:
+    def of(cls, vector: FloatArray, groups: int) -> "Sizes":
         """Take an array apart."""
         return cls(vector[:groups], vector[groups:2 * groups], vector[2 * groups:-4], *vector[-4:].tolist())
 

@@ -4,8 +4,6 @@ A test function that vanishes with its slope at both ends takes the derivatives 
 <g'', x> and <g, x'> = -<g', x>, so no measured signal is differentiated (Coifman & Meyer 1991).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A record as the equation of motion takes it: motion, force and its noise, and sensors, on one uniform grid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """What forces do to the corrected body, as the rows of its motion see it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray

@@ -4,8 +4,6 @@ Forces are taken along the simulated motion, which has no noise, and move the co
 an effect would change follows from its response by linear algebra; only what promises most has to be simulated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ a block that meets the head alone. The blocks are eliminated first (Schur's comp
 unknowns squared is ever made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -68,7 +66,7 @@ class OwnBlock:
     log_determinant: float
 
     @classmethod
-    def of(cls, matrix: FloatArray, side: FloatArray) -> OwnBlock:
+    def of(cls, matrix: FloatArray, side: FloatArray) -> "OwnBlock":
         """Take a block of shape (k, k) and its side of shape (head, k)."""
         at = np.flatnonzero(np.any(side, axis=1))
         lower, failed = dpotrf(matrix, lower=True)
@@ -89,7 +87,7 @@ class Arrow:
     blocks: tuple[OwnBlock, ...]
 
     @classmethod
-    def of(cls, head: FloatArray, sides: Sequence[FloatArray], matrices: Sequence[FloatArray]) -> Arrow:
+    def of(cls, head: FloatArray, sides: Sequence[FloatArray], matrices: Sequence[FloatArray]) -> "Arrow":
         """Eliminate the blocks."""
         schur, blocks = head.copy(), tuple(OwnBlock.of(m, s) for m, s in zip(matrices, sides))
         for block, side in zip(blocks, sides):

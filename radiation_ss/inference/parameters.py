@@ -1,7 +1,5 @@
 """Parameters of the radiation subsystem: coefficients (5)-(8) of its entries, with a prior around the model's."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -76,7 +74,7 @@ class Parametrisation:
         return self.active.size + len(self.nominal)
 
     @property
-    def own(self) -> Parametrisation:
+    def own(self) -> "Parametrisation":
         """The parametrisation without the small terms for what the model's order leaves out, on the same theta."""
         return replace(self, blocks=tuple(block for block in self.blocks if not block.rest))
 
@@ -106,7 +104,7 @@ class Parametrisation:
                 out[..., dof] += change[..., i]
         return np.maximum(out, 0.05)
 
-    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> Parametrisation:
+    def with_nominal(self, tolerance: Mapping[str, float], mass: FloatArray) -> "Parametrisation":
         """Return the same with inertia, stiffness and gains of each degree of freedom free in their tolerance.
 
         `tolerance`: relative standard deviations: mass, A_inf, stiffness, sensor, force. `mass` (n, n): rigid-body
@@ -122,7 +120,7 @@ class Parametrisation:
         first = self.active.size
         return replace(self, nominal=tuple((*row, first + i) for i, row in enumerate(wanted)))
 
-    def part(self, dofs: Sequence[int]) -> Parametrisation:
+    def part(self, dofs: Sequence[int]) -> "Parametrisation":
         """Return the parametrisation of some degrees of freedom, on the same theta; others do not enter it."""
         where = {j: i for i, j in enumerate(dofs)}
         blocks = []

@@ -1,7 +1,5 @@
 """Known values of K at chosen frequencies as observations of the parameters (25)-(27)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

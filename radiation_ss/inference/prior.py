@@ -1,7 +1,5 @@
 """Parameters of a fitted radiation subsystem with their prior: denominators that entries share, smooth errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

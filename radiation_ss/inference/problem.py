@@ -1,7 +1,5 @@
 """The regression problem of a model and records, and how what an effect adds along the motion becomes its columns."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What a record's sensors say of a motion: which of them, its typical frequency, their noise, integrals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -28,12 +26,12 @@ class Grid:
     split: int = 1  # Steps of the grid in each of the record's; between the readings goes a cubic spline
     keep: int = 1  # Samples of the record that are averaged to one
 
-    def with_samples(self, least: int, wanted: int, period: float) -> Grid:
+    def with_samples(self, least: int, wanted: int, period: float) -> "Grid":
         """Return the grid with at least so many samples a period, and with less than twice the wanted ones."""
         found = period / self.step
         return replace(self, keep=max(int(found / wanted), 1), split=max(int(np.ceil(least / found)), 1))
 
-    def of_at_most(self, levels: int) -> Grid:
+    def of_at_most(self, levels: int) -> "Grid":
         """Return the grid with less than twice so many samples in all."""
         return replace(self, keep=max(self.own.size // levels, 1))
 

@@ -3,8 +3,6 @@
 The search knows a few starts of each shape, and of a delay its first order, to which two do for one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

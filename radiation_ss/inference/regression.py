@@ -1,7 +1,5 @@
 """Gaussian linear model of an equation error: learned sizes, limits of sign, the Jacobian of the data, evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -132,7 +130,7 @@ class Point:
     _pulls: list[tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=list, repr=False)
 
     @classmethod
-    def at(cls, rows: Rows, sizes: Sizes, change: ComplexArray, residual: FloatArray) -> Point:
+    def at(cls, rows: Rows, sizes: Sizes, change: ComplexArray, residual: FloatArray) -> "Point":
         """Return the point of some unknowns that change the impedance by 1 - `change`; its height is log likelihood."""
         s = safe(1.0 - change)
         noise, unexplained, ambient = variance(rows, sizes, rows.averaged(np.abs(s) ** 2))

@@ -1,7 +1,5 @@
 """Rows of the equation error in each bin of a motion, with their noise; what motions share of it is taken out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

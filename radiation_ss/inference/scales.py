@@ -1,7 +1,5 @@
 """Noise of the sensors and size of the force, from a record: what the default settings are scaled by."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Rows are taken record by record and what a record has for itself is marginalised
 all rows is made beside the columns themselves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

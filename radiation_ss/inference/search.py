@@ -6,8 +6,6 @@ effect less; (5) where nothing is left to add, each effect of the best set is ex
 (6) until no set improves. Inclusion probabilities are sums over all sets that were solved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

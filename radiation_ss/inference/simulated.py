@@ -1,7 +1,5 @@
 """Records made ready for a simulation with a set of effects: its steps, its forces, and the forces that it lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

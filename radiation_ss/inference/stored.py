@@ -1,7 +1,5 @@
 """Values of many columns that are taken rows by rows: side by side without a copy, each record's own, or in a file."""
 
-from __future__ import annotations
-
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The parameter vector theta: coefficients of the subsystem of every entry of the radiation matrix (5)-(7), (14)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

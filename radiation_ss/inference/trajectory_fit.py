@@ -1,7 +1,5 @@
 """Fits of simulated trajectories: Levenberg's method, linear theory about a fit, and its most probable sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -59,13 +57,13 @@ class Theory:
     evidence: float
 
     @classmethod
-    def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> Theory:
+    def about(cls, trial: Trajectories, q: FloatArray, now: Normal, tolerance: float, rules: SearchRules) -> "Theory":
         """Return the theory about the unknowns q of a simulation, with its normal equations there."""
         factor, g, scale = at_tolerance(trial, q, now, tolerance)
         covariance = factor.solve(np.eye(q.size))
         return cls(scale, covariance @ g, covariance, log_evidence(factor, g, tolerance, rules))
 
-    def without(self, out: np.ndarray) -> Theory:
+    def without(self, out: np.ndarray) -> "Theory":
         """Return the theory without some unknowns."""
         if not out.size:
             return self
@@ -105,7 +103,7 @@ class Factor:
     root: FloatArray
 
     @classmethod
-    def of(cls, matrix: FloatArray, round_off: float = 1e-13) -> Factor:
+    def of(cls, matrix: FloatArray, round_off: float = 1e-13) -> "Factor":
         """Factorise; the diagonal grows by a share `round_off`, so that sums of squares far apart stay positive."""
         root = np.sqrt(np.diag(matrix))
         return cls(cholesky(matrix / np.outer(root, root) + round_off * np.eye(root.size), lower=True), root)
