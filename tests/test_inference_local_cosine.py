@@ -46,7 +46,8 @@ def test_what_is_in_the_span_comes_back_with_its_derivatives():
     found = smooth(blocks(time.size, dt, 4.0, 40.0, 0.5), np.stack([x, x]), np.array([40.0, 0.5]))
     for (part, low), exact in zip(found, (x, -3.0 * np.sin(3.0 * time + 0.3), -9.0 * x)):
         assert np.abs(part - exact)[inner].max() < 2e-2 * np.abs(exact).max()
-        assert np.abs(low)[400:-400].max() < 3e-2 * np.abs(exact).max()  # what is above a signal's own top is none of it
+        # What is above a signal's own top is none of it.
+        assert np.abs(low)[400:-400].max() < 3e-2 * np.abs(exact).max()
 
 
 def test_intervals_of_a_long_record_share_their_test_functions():

@@ -57,6 +57,9 @@ def regular(model, elevation, **forces):
     return rss.Record(TIME, {**rest, **force, "wave_elevation": elevation})
 
 
+CUBE = np.cbrt(tank_model().M[0, 0] / 1000.0)  # edge of a cube of the displacement [m]
+
+
 def integrated(model, extra, force):
     """The tank with an extra force(t, x, v) by a library integrator."""
     total = (model.M + model.A_inf)[0, 0]
@@ -72,7 +75,7 @@ def integrated(model, extra, force):
     (("morison_drag", {"coefficient": 200.0}),
      lambda t, x, v, h, w: -200.0 * abs(v - w) * (v - w)),
     (("linear_morison_drag", {"coefficient": 20.0, "attenuation": 0.2}),
-     lambda t, x, v, h, w: -20.0 * (v - w + 0.2 * (1.0 - np.exp(-5.0**2 / 9.81 * np.cbrt(tank_model().M[0, 0] / 1000.0))) * w)),
+     lambda t, x, v, h, w: -20.0 * (v - w + 0.2 * (1.0 - np.exp(-5.0**2 / 9.81 * CUBE)) * w)),
     (("wave_stiffness", {"in_phase": 6000.0, "quadrature": 300.0}),
      lambda t, x, v, h, w: -(6000.0 * h + 300.0 * w) * x),
     (("end_stop", {"stiffness": 2000.0, "gap": 2e-3, "width": 1e-6}),

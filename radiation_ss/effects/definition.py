@@ -29,9 +29,10 @@ class Effect:
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
         (exciting force), t, memory (radiation force), elevation with its elevation_rate and envelope, orbital (velocity
         of the linear wave along the degree of freedom; of its slope for rotations) and below, that at the depth of the
-        hull, speed of the effect's degree of freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z (the effect's own states). May
-        depend on a linearly. Of two degrees of freedom: the force on the first, or the forces on both. With scope
-        "between", x, v, a are the first motion minus the second, and the force on the second is the opposite.
+        hull, speed of the effect's degree of freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z
+        (the effect's own states). May depend on a linearly. Of two degrees of freedom: the force on the first, or the
+        forces on both. With scope "between", x, v, a are the first motion minus the second, and the force on the second
+        is the opposite.
     rates : callable (s, p) -> list of expressions, optional
         Time derivatives of the effect's own states z.
     states : int

@@ -123,8 +123,7 @@ def samplewise(count: int) -> Block:
 
 
 def smooth(basis: list[Block], values: FloatArray, tops: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the parts of signals (n, nt) in the span of the basis up to frequencies `tops` (n,), and two derivatives.
-    """
+    """Return the parts of signals (n, nt) in the basis up to frequencies `tops` (n,), with their two derivatives."""
     found = tuple(np.zeros_like(values) for _ in range(3))
     for block in basis:
         weight = block.project(values) * (block.omega <= tops[:, None])

@@ -102,8 +102,8 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
 
     The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
     effects that together make another motion's row would explain it; here it is taken out beforehand. In each row the
-    multiples are those of least noise, together with a share of the added motion's own force there, of its stiffness and
-    inertia, for its model's error.
+    multiples are those of least noise, together with a `share` of the added motion's own force there, of its stiffness
+    and inertia, for its model's error.
     """
     if model.n == 1:
         return None

@@ -239,10 +239,10 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     """Return the model with effects as a python-control system.
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
-    [m/s], `wave_envelope` [m], `<dof>_orbital` and `<dof>_orbital_below` [m/s, rad/s], at the body and at the depth of a
-    cube of its displacement below it, and the forward speed `speed` [m/s]; outputs `<dof>` as its
-    sensor reads it, `<dof>_vel`, `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then
-    `<effect>_<k>`. Delays of force and sensors and a phase of the force are left out; `params["left_out"]` names them.
+    [m/s], `wave_envelope` [m], `<dof>_orbital` and `<dof>_orbital_below` [m/s, rad/s], at the body and (m / rho)^(1/3)
+    below it, and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`, `<dof>_acc`.
+    States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then `<effect>_<k>`. Delays of force and sensors
+    and a phase of the force are left out; `params["left_out"]` names them.
 
     Parameters
     ----------
