@@ -39,7 +39,7 @@ from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
-from radiation_ss.inference.candidates import Key
+from radiation_ss.inference.candidates import Key, from_regression
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
 from radiation_ss.simulation.corrected import Corrected
@@ -64,7 +64,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                   for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
-    return Diagnosis(model.name, answer, ledger, choices(problem, found),
+    return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
                      where(problem, [e.name for e in answer.effects]),
                      how, corrected, moved, predictions, model.dofs, rules)
 
@@ -218,22 +218,17 @@ def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:
                for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
 
 
-def choices(problem: EquationError, found: Found, most: int = 12) -> tuple[Choice, ...]:
-    """Return the list of candidates."""
+def choices(problem: EquationError, found: Found, pair: Fitted, tolerated: dict[str, float],
+            most: int = 12) -> tuple[Choice, ...]:
+    """Return the list of candidates, the best set with its own numbers, the others with the equation error's."""
     rows, rendered = problem.rows, []
     best = found.candidates[0].log_probability
-    own = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
-    before = float(np.sqrt(np.sum(rows.error**2) / max(own, 1e-300)))
+    size = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
+    before = float(np.sqrt(np.sum(rows.error**2) / max(size, 1e-300)))
     for candidate, p in list(zip(found.candidates, found.probabilities()))[:most]:
-        at, effects = problem.base.count, []
-        spread = np.sqrt(np.diag(candidate.posterior.covariance))
-        for term in candidate.terms:
-            strengths = [n for n, q in term.active.effect.parameters.items() if q.strength]
-            values = {n: (float(candidate.posterior.mean[at + k]), float(spread[at + k]))
-                      for k, n in enumerate(strengths)}
-            effects.append(Named(term.active.name, place(term.active), values, {}, 1.0))
-            at += term.columns.count
-        after = float(np.sqrt(np.sum(left_by(problem, candidate) ** 2) / max(own, 1e-300)))
+        own = pair.best if candidate.keys == pair.candidate.keys else from_regression(problem, candidate, tolerated)
+        effects = [name(problem, active, stds, 1.0) for active, stds in zip(own.effects, own.effects_std)]
+        after = float(np.sqrt(np.sum(left_by(problem, candidate) ** 2) / max(size, 1e-300)))
         rendered.append(Choice(tuple(effects), float(p), candidate.log_probability - best, before, after))
     return tuple(rendered)
 

@@ -66,7 +66,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
         power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
     weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
-    ties = tied(model, runs, places, noise, discrepancy.mixing)
+    ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
     rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
                 weight, fine, kind, tuple(p.rows for p in places), spectra)
     empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,

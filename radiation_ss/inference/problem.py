@@ -36,7 +36,7 @@ class Discrepancy:
     # own forces: the first swing of a decay is not like the others (ITTC 7.5-02-07-04.5)
     release: float = 0.02
     # Error of one motion's row, of the model's own force, with which it may enter another's to take noise out of it
-    mixing: float = 0.001
+    mixing: float = 0.003
     # Coupling inertia of two motions that have none by symmetry, of their own: no body and no mesh is all symmetric
     symmetry: float = 1e-4
     # Error of the force that differs from record to record, in size and phase, of the stated tolerance; of one that

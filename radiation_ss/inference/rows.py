@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from radiation_ss.arrays import FloatArray
@@ -96,14 +95,14 @@ def noise_in_rows(model: Model, run: MeasuredMotion, bins: int) -> FloatArray:
     return np.asarray(np.tensordot(power, each, axes=1))
 
 
-def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], noise: FloatArray, share: float,
-         rounding: float = 1e-9) -> csr_array | None:
+def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], scale: FloatArray, noise: FloatArray,
+         share: float, rounding: float = 1e-9) -> csr_array | None:
     """Return the matrix that adds multiples of other motions' rows to each row; put what noise is left in place.
 
     The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
     effects that together make another motion's row would explain it; here it is taken out beforehand. In each row the
-    multiples are those of least noise, together with a `share` of the added motion's own force there, of its stiffness
-    and inertia, for its model's error.
+    multiples are those of least noise, together with a share of the added motion's own force at that time for its
+    model's error.
     """
     if model.n == 1:
         return None
@@ -112,18 +111,15 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
         mine = [p for p in places if p.record == r and p.order < 0]
         if run.prescribed or len(mine) < 2:
             continue
-        bins = max(p.bins for p in mine)
-        S, omega = noise_in_rows(model, run, bins), run.basis[0].omega[:bins]
-        stiff = np.abs(np.diag(model.C)) + omega[:, None] ** 2 * np.diag(model.M + model.A_inf)
-        force = (share * stiff * projected_on(run.basis, run.raw, bins=bins).transpose(1, 2, 0)) ** 2
-        force = uniform_filter1d(force, min(3, bins), axis=1) + 1e-300  # (blocks, bins, n), of neighbouring bins
+        S = noise_in_rows(model, run, max(p.bins for p in mine))
         for p in mine:
             others = [q for q in mine if q.dof != p.dof]
-            for k in range(p.bins):
+            for k in range(min(p.bins, max(q.bins for q in others))):
                 use = [q for q in others if q.bins > k]
                 at = [q.dof for q in use]
                 both, side = S[k][np.ix_(at, at)], S[k][at, p.dof]
-                t = -np.linalg.solve(both + np.eye(len(at)) * force[:, k, at][:, None], side[:, None])[..., 0]
+                own = np.stack([(share * scale[q.rows][k::q.bins]) ** 2 for q in use], axis=1)[:, None] + 1e-300
+                t = -np.linalg.solve(both + np.eye(len(at)) * own, side[:, None])[..., 0]
                 # What takes out no more than rounding would carry all of another motion's unknowns along.
                 t[np.abs(t) * np.sqrt(np.diag(both)) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
                 lines = p.rows.start + k + p.bins * np.arange(len(run.basis))
@@ -132,7 +128,7 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
                     row.append(lines)
                     column.append(q.rows.start + k + q.bins * np.arange(len(run.basis)))
                     value.append(weights)
-    count = noise.size
+    count = scale.size
     added = coo_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=(count, count)
                       ) if value else coo_array((count, count))
     found = csr_array(added + eye_array(count))
