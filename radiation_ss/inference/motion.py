@@ -11,6 +11,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
 from radiation_ss.inference.readings import (
+    SLOW,
     Grid,
     Sensor,
     averaged,
@@ -160,7 +161,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
             level = grid.noise(*f[1:], omega[i], bins, resolution.white)
             # An integral's noise is that of each frequency; what is slower than `integrated` keeps is in `lost`.
-            slow = omega[i] if bins is None else np.maximum(bins, 0.2 * omega[i])
+            slow = omega[i] if bins is None else np.maximum(bins, SLOW * omega[i])
             noise[i] = np.maximum(level / slow ** f[0], floor)
             if not still:
                 tops[i] = clear_up_to(grid, f, omega[i], resolution.white, top)

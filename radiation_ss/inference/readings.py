@@ -15,6 +15,8 @@ from radiation_ss.records.signals import bridged
 from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
 
+SLOW = 0.2  # Of a motion's typical frequency: what is slower is not integrated
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -175,12 +177,12 @@ def averaged(values: FloatArray, keep: int) -> FloatArray:
 
 
 def integrated(values: FloatArray, dt: float, order: int, omega: float) -> FloatArray:
-    """Return the `order`-fold integral of a signal without what is slower than a fifth of its typical frequency."""
+    """Return the `order`-fold integral of a signal without what is slower than `SLOW` of its typical frequency."""
     if order == 0:
         return values
     double = np.concatenate([values, values[::-1]])
     at = 2 * np.pi * np.fft.rfftfreq(double.size, dt)
-    gain = np.where(at > 0.2 * omega, 1.0 / (1j * np.maximum(at, 0.2 * omega)) ** order, 0.0)
+    gain = np.where(at > SLOW * omega, 1.0 / (1j * np.maximum(at, SLOW * omega)) ** order, 0.0)
     return np.asarray(np.fft.irfft(np.fft.rfft(double - double.mean()) * gain, double.size)[: values.size])
 
 
@@ -190,7 +192,7 @@ def slow_motions(order: int, raw: FloatArray, i: int, omega: float, dt: float) -
     Of the even extension's cosines these are the integrals of all below the cut, and the constants of integration.
     """
     share = (np.arange(raw.shape[1]) + 0.5) / raw.shape[1]
-    count = int(0.2 * omega * dt * raw.shape[1] / np.pi)
+    count = int(SLOW * omega * dt * raw.shape[1] / np.pi)
     powers = [share**k for k in range(order + 1)] if order else []
     waves = [(np.sin if order == 1 else np.cos)(np.pi * k * share) for k in range(1, count + 1)] if order else []
     found = np.zeros((len(powers) + len(waves), *raw.shape))
