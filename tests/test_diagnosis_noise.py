@@ -163,7 +163,7 @@ def test_a_slow_force_of_unknown_course_is_named_with_its_size(seed):
     found = rss.diagnose(heave(), seen, withhold=unseen)
     (effect,) = found.verdict.effects
     value, std = effect.parameters["rms"]
-    assert effect.name == "slow_drift" and found.verdict.probability > 0.8
+    assert effect.name == "slow_drift" and found.verdict.probability == found.rules.slow
     assert abs(value - np.sqrt((one**2 + other**2) / 2.0)) < 3.0 * std < 0.3 * value
     share = next(row.share for row in found.budget.rows if row.cause == "slow_drift")
     assert share > 0.8 and found.how_far.gap_after > 0.5 * found.how_far.gap_before
@@ -250,6 +250,26 @@ def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():
     heave[-5:-1] = np.nan
     found = rss.diagnose(model, rss.Record(time, {"Heave": heave}, kind="decay"), effects=["linear_damping"])
     assert found.verdict.status == "no_gap"
+
+
+@pytest.mark.parametrize("column", ["Heave", "Heave_force"])
+@pytest.mark.parametrize("lost", [np.s_[:50], np.s_[-50:], np.s_[400:450]], ids=["start", "end", "middle"])
+def test_what_a_sensor_did_not_record_is_not_put_in(column, lost):
+    """Nearly two periods of motion or force are missing: the other records' and this one's rest tell the drag."""
+    records = []
+    for seed in range(2):
+        rng, dof = np.random.default_rng(seed), "Heave"
+        time, force, moved = driven(heave(), rng, force=lambda t, x, v: 0.4 * v * abs(v))
+        even = time[::8]
+        rows = {dof: moved(even) + 0.001 * np.std(moved(even)) * rng.normal(size=even.size), "Heave_force": force(even)}
+        rows[column][lost] = np.nan
+        records.append(rss.Record(even, rows, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(heave(), records[0], withhold=records[1])
+    (effect,) = found.verdict.effects
+    value, std = effect.parameters["coefficient"]
+    assert effect.name == "quadratic_drag" and abs(value - 0.4) < 3.0 * std < 0.1
+    assert found.how_far.gap_after < 1.5 * found.how_far.noise_floor
+    assert any("not measured" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.7, 0.85])

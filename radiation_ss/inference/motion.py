@@ -29,9 +29,10 @@ from radiation_ss.inference.readings import (
     typical,
 )
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import bridged, whole
+from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely, unsure_edge
+from radiation_ss.simulation.prepared import known_in_waves
 
 FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
@@ -183,31 +184,43 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
 
 def parted(model: Model, record: Record, resolution: Resolution | None = None,
            missed: float = 1.5) -> tuple[list[Record], list[str]]:
-    """Return the parts of a record between gaps of more than half a period, and a sentence where there are several.
+    """Return the parts of a record between gaps of more than half a period, and a sentence on what is left out.
 
-    An interval between samples is no gap where it is at most `missed` times the usual one. Parts that are shorter than
-    a test function's interval are left out. What is under way when a later part begins is not known: those of a decay
-    are records without a force. InputError if no part is long enough.
+    Gaps are those of motions, of forces and of the elevation that makes them. An interval between samples is no gap
+    where it is at most `missed` times the usual one; before the first sample and after the last every longer one is.
+    Parts that are shorter than a test function's interval are left out. What is under way when a later part begins is
+    not known: those of a decay are records without a force. InputError if no part is long enough.
     """
-    found = [channel(model, record, i) for i in range(model.n)] if record.kind != "static" else []
-    omega = [typical(model, f, i) for i, f in enumerate(found) if f]
-    gaps = sorted((float(f[1][k]), float(f[1][k + 1])) for f, w in zip([f for f in found if f], omega)
-                  for k in np.flatnonzero(np.diff(f[1]) > max(np.pi / w, missed * np.median(np.diff(f[1])))))
+    read = [(i, f) for i in range(model.n) if (f := channel(model, record, i))] if record.kind != "static" else []
+    omega = [typical(model, f, i) for i, f in read]
+    driven = [(at, max(omega)) for at in driven_at(model, record) if read]
+    gaps = [gap for at, w in [*((f[1], w) for (_, f), w in zip(read, omega)), *driven]
+            for gap in unread(record, at, np.pi / w, missed)]
     if not gaps:
         return [record], []
-    least = (resolution or Resolution()).periods * 2 * np.pi / min(omega)
+    gaps, least = sorted(gaps), (resolution or Resolution()).periods * 2 * np.pi / min(omega)
     starts = np.maximum.accumulate([record.time[0], *(end for _, end in gaps)])
     spans = [(a, b) for a, b in zip(starts, [*(start for start, _ in gaps), record.time[-1]]) if b - a >= least]
     if not spans:
-        raise InputError(f"record {record.name}: no stretch without gaps in the motion is as long as two periods, "
-                         f"{least:.3g} s")
+        raise InputError(f"record {record.name}: no stretch without gaps in motion and force is as long as two "
+                         f"periods, {least:.3g} s")
     told = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in gaps)
     none = {f"{dof}_force": np.zeros(record.time.size) for dof in model.dofs}
     later = replace(record, kind="forced", channels={**record.channels, **none}) if record.kind == "decay" else record
     parts = [replace((record if a == record.time[0] else later).window(a, np.nextafter(b, np.inf)),
                      name=f"{record.name} from {a:.4g} s") for a, b in spans]
-    return parts, [f"Record {record.name}: the motion is not measured from {told}; {len(parts)} parts of it are taken, "
-                   f"each of {least:.3g} s at least."]
+    return parts, [f"Record {record.name}: motion or force is not measured from {told}; {len(parts)} "
+                   f"{'part of it is' if len(parts) == 1 else 'parts of it are'} taken, of {least:.3g} s at least."]
+
+
+def driven_at(model: Model, record: Record) -> list[FloatArray]:
+    """Return the times at which a record has each force that moves the body, or the elevation that makes it."""
+    force, rows = record.get("force", model.dofs), []
+    if force is not None:
+        rows = [row for row in force if np.isfinite(row).any() and np.nanstd(row) > 0.0]
+    elif known_in_waves(model, record):
+        rows = [record.channels["wave_elevation"]]
+    return [record.time[np.isfinite(row)] for row in rows]
 
 
 def smoothed(raw: FloatArray, dt: float, length: float, tops: FloatArray, swings: FloatArray | None = None

@@ -235,6 +235,14 @@ def bridged(time: FloatArray, values: FloatArray, period: float) -> tuple[FloatA
     return at[order], np.r_[values, even[missing]][order]
 
 
+def unread(record: Record, at: FloatArray, longest: float, missed: float) -> list[tuple[float, float]]:
+    """Return where a channel that is read `at` some times has a gap, or is not read yet or no more."""
+    usual = missed * float(np.median(np.diff(at)))
+    least = np.r_[usual, np.full(at.size - 1, max(longest, usual)), usual]
+    around = np.r_[record.time[0], at, record.time[-1]]
+    return [(float(around[k]), float(around[k + 1])) for k in np.flatnonzero(np.diff(around) > least)]
+
+
 def even_samples(record: Record, name: str, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a channel on even times between its first and last sample."""
     there = np.isfinite(values)
