@@ -127,7 +127,7 @@ def remainder(problem: EquationError, candidate: Candidate, data: Data, rules: R
         rms, dof = float(np.sqrt(square[i] / records[i])), problem.model.dofs[i]
         # The spread is that of a Gaussian force with so many unknowns.
         drifts[i] = Named(DRIFT, dof, {"rms": (rms, rms / float(np.sqrt(2.0 * count[i])))},
-                          {"rms": unit_of("F", dof, dof)}, 1.0 - rules.false_alarm)
+                          {"rms": unit_of("F", dof, dof)}, rules.slow)
     problems = [problem, *([data.withheld] if data.withheld is not None else [])]
     below = {(run.record.name, i): slow_below(p, run, i) for p in problems for run in p.runs for i in drifts}
     return Remainder(bool(np.where(slow, beside, whole).any()), drifts, below)

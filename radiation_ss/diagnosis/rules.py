@@ -27,6 +27,9 @@ class Rules:
     plausible : float
         Stated tolerances by which a nominal number may be off beside a name: two standard deviations where they are
         three times too small.
+    slow : float
+        Probability that a slow force of unknown course is what `slow_drift` means: a drift of waves or of a sensor's
+        zero, not wind, a passing ship or a load that shifts, of which these records tell nothing else.
     visible : float
         Information on an effect, in units of its prior, below which records are said not to show it.
     tail : float
@@ -46,6 +49,7 @@ class Rules:
     false_alarm: float = 0.02
     unexplained: float = 0.5
     plausible: float = 6.0
+    slow: float = 0.5
     visible: float = 0.5
     tail: float = 1.0 / 3.0
     credible: float = 0.95

@@ -246,7 +246,8 @@ def sentence(found: Diagnosis) -> str:
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
         if any(e.name == DRIFT for e in v.effects):
             told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
-                     "each record and is explained, not predicted")
+                     "each record and is explained, not predicted: whether waves, wind, a passing ship, a load that "
+                     "shifts or a sensor's zero make it, these records do not tell")
         if v.indistinguishable:
             told += f"; {also(found)}"
     elif v.status == "ambiguous" and not v.indistinguishable:
