@@ -172,6 +172,20 @@ def test_a_slow_force_of_unknown_course_is_named_with_its_size(seed):
     assert without.status == "unknown_effect"
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_force_that_comes_once_is_not_named(seed):
+    """A ship that passes: pressure, then suction, over two and a half periods of each record."""
+    rng, records = np.random.default_rng(seed), []
+    for name in ("first", "second", "unseen"):
+        at = rng.uniform(40.0, 150.0)
+        time, force, moved = driven(
+            heave(), rng, force=lambda t, x, v, at=at: 2.0 * (t - at) * np.exp(-(((t - at) / 6.0) ** 2)))
+        even = time[::8]
+        read = moved(even) + 0.001 * np.std(moved(even)) * rng.normal(size=even.size)
+        records.append(rss.Record(even, {"Heave": read, "Heave_force": force(even)}, kind="forced", name=name))
+    assert rss.diagnose(heave(), records[:2], withhold=records[2]).verdict.status == "unknown_effect"
+
+
 def test_a_random_force_of_all_frequencies_is_no_slow_one():
     rng = np.random.default_rng(5)
     (_, seen), (_, unseen) = (pushed(heave(), rng, 2.0, 0.3, name) for name in ("seen", "unseen"))
@@ -240,6 +254,15 @@ def test_a_record_that_is_sampled_for_the_slow_motion_has_no_gaps_in_the_quick_o
     found = rss.diagnose(model, records, effects=["linear_damping"])
     assert found.verdict.status == "no_gap"
     assert not any("not measured" in note for note in found.notes)
+
+
+def test_of_a_decay_with_a_gap_the_part_that_is_only_noise_is_left_out():
+    time, rng = np.arange(0.0, 120.0, 0.05), np.random.default_rng(0)
+    moved = rss.simulate(heave(), (time, np.zeros((1, time.size))), start={"Heave": 1.0}).outputs[0]
+    moved = moved + 0.01 * rng.normal(size=time.size)
+    moved[800:1400] = np.nan  # from 70 s on it is some thousandths of the noise
+    found = rss.diagnose(heave(), rss.Record(time, {"Heave": moved}, kind="decay"), effects=["linear_damping"])
+    assert found.verdict.status == "no_gap"
 
 
 def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():

@@ -163,7 +163,7 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
         if moves(model, found):
             parts, said_too = parted(model, found)
-            kept, notes = [*kept, *parts], [*notes, *said_too]
+            kept, notes = [*kept, *(part for part in parts if moves(model, part))], [*notes, *said_too]
         else:
             notes.append(f"Record {record.name} holds only noise and is left out.")
     return kept, notes

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import kurtosis
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.diagnosis.account import Data, Fitted, carried
@@ -36,6 +37,8 @@ class Left:
     square: FloatArray  # (n,): Sum of the slow force's mean squares over the records
     count: FloatArray  # (n,): Of its unknowns
     records: FloatArray  # (n,)
+    # (1 + draws, n): How much the slow force comes in events: as it is, and with the signs of its cosines drawn
+    events: FloatArray
 
 
 def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
@@ -48,16 +51,17 @@ def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
     return slab(effect_named(DRIFT), "frequency", scales).upper
 
 
-def left(problem: EquationError, candidate: Candidate, tolerance: float, rules: Rules) -> Left:
+def left(problem: EquationError, candidate: Candidate, data: Data, rules: Rules) -> Left:
     """Return what is left of the force in some records, beside noise and tolerances.
 
-    `tolerance`: relative standard deviation of a force that the model makes of the elevation, at each frequency.
+    `data` has the relative standard deviation of a force that the model makes of the elevation, at each frequency.
     """
+    tolerance, rng = data.tolerated["force"], np.random.default_rng(data.seed)
     rows, residual = problem.rows, left_by(problem, candidate, known=True)
     # No less than far above the motion: what is less in its band went to the force.
     noise = np.maximum(rows.noise, variance(rows, candidate.posterior.sizes)[0])
     n = problem.model.n
-    sums, slow, fast = np.zeros((4, n)), np.zeros((3, n)), np.zeros(n, dtype=bool)
+    sums, slow, fast, events = np.zeros((4, n)), np.zeros((3, n)), np.zeros(n, dtype=bool), np.zeros((1, n))
     for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
         run, i = problem.runs[p.record], p.dof
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
@@ -66,16 +70,28 @@ def left(problem: EquationError, candidate: Candidate, tolerance: float, rules: 
         own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
         if run.force is not None and not run.prescribed and run.record.force_from_elevation(problem.model.dofs):
             own = own + (tolerance * projected(problem.model, run, p, run.force)) ** 2
-        rest, square, count = beside_slow(problem, p, residual[p.rows], through)
+        rest, course, part = beside_slow(problem, p, residual[p.rows], through)
+        count = part.size
         # Of the noise, too, each unknown of the slow force takes what a row has.
         mine = np.array([np.sum((residual[p.rows] ** 2 - own) * through),
                          np.sum((rest**2 - own) * through) + count * np.mean(own * through),
                          2.0 * np.sum((own * through) ** 2), np.sum(run.x[i] ** 2)])
         sums[:, i] += mine
-        slow[:, i] += square, count, 1.0
+        slow[:, i] += float(np.var(course @ part)), count, 1.0
+        events = events + np.outer(count * peaked(course, part, rng), np.arange(n) == i)
         fast[i] |= bool(matters(mine, rules)[0]) and mine[1] > rules.unexplained * mine[0]
     whole, beside = matters(sums, rules)
-    return Left(whole, whole & beside, fast, *slow)
+    return Left(whole, whole & beside, fast, slow[0], slow[1], slow[2], events)
+
+
+def peaked(course: FloatArray, part: FloatArray, rng: np.random.Generator, draws: int = 1000) -> FloatArray:
+    """Return the kurtosis of a slow force, and of others of the same power at each frequency, shape (1 + draws,).
+
+    The cosines (nt, k) of one that is the same throughout a record have independent signs; those of an event agree.
+    """
+    thin = course[::max(1, course.shape[0] // (8 * part.size))]
+    signs = np.vstack([np.ones(part.size), rng.choice([-1.0, 1.0], (draws, part.size))])
+    return np.asarray(np.nan_to_num(kurtosis(thin @ (signs * part).T, axis=0)))
 
 
 def matters(sums: FloatArray, rules: Rules) -> np.ndarray:
@@ -87,14 +103,14 @@ def matters(sums: FloatArray, rules: Rules) -> np.ndarray:
 
 
 def beside_slow(problem: EquationError, place: Place, residual: FloatArray,
-                weights: FloatArray) -> tuple[FloatArray, float, int]:
-    """Return rows of one place without what a slow force makes; its mean square about its mean and its unknowns."""
+                weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return rows of one place without what a slow force makes; its cosines (nt, k), and how much of each it has."""
     run = problem.runs[place.record]
     slow = cosines(run.time, slow_below(problem, run, place.dof))
     columns = projected_on(run.basis, slow.T, 0, place.bins).reshape(slow.shape[1], -1).T
     root = np.sqrt(weights)
     found = np.linalg.lstsq(root[:, None] * columns, root * residual, rcond=None)[0]
-    return residual - columns @ found, float(np.var(slow @ found)), slow.shape[1]
+    return residual - columns @ found, slow, np.asarray(found, dtype=np.float64)
 
 
 def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:
@@ -114,13 +130,14 @@ class Remainder:
 
 def remainder(problem: EquationError, candidate: Candidate, data: Data, rules: Rules) -> Remainder:
     """Return what is left in the records of the fit and, the set's numbers fitted to them, in those withheld."""
-    tolerance = data.tolerated["force"]
-    found = [left(problem, candidate, tolerance, rules)]
+    found = [left(problem, candidate, data, rules)]
     if data.withheld is not None:
-        found.append(left(data.withheld, carried(candidate, data.withheld, rules), tolerance, rules))
+        found.append(left(data.withheld, carried(candidate, data.withheld, rules), data, rules))
     whole, beside = (np.array([getattr(part, f) for part in found]) for f in ("whole", "beside"))
     fast = np.array([part.fast for part in found])
-    slow = whole.all(axis=0) & ~fast.any(axis=0) & data.drifts
+    events = np.asarray(sum(part.events for part in found))
+    steady = np.mean(events >= events[0], axis=0) > rules.false_alarm  # else it comes and goes: a ship, a shifted load
+    slow = whole.all(axis=0) & ~fast.any(axis=0) & steady & data.drifts
     square, count, records = (sum(getattr(part, f) for part in found) for f in ("square", "count", "records"))
     drifts = {}
     for i in map(int, np.flatnonzero(slow)):
