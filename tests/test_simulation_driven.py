@@ -168,16 +168,32 @@ def test_a_mooring_that_the_model_lacks_swings_as_its_spring_says(C):
     assert moved == pytest.approx(10.0 * np.cos(np.sqrt(8e4 / 3e7) * time), abs=0.01)
 
 
-def test_a_slowly_swinging_body_follows_the_waves_of_its_elevation():
+def softly_moored():
+    """A body of flat coefficients with a period of 114 s."""
     omega = np.linspace(0.2, 2.0, 30)
     flat = np.ones((30, 1, 1))
     hydro = rss.HydroData(omega, 7e4 * flat, 2e3 * flat, A_inf=[[7e4]], dofs=("Surge",), M=[[2.6e5]], C=[[1e3]],
                           X=np.full((30, 1, 1), 5e5 + 0j), directions=[0.0])
     fit = rss.RadiationFit(("Surge",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
-    model = rss.Model(("Surge",), [[2.6e5]], [[7e4]], [[1e3]], fit, D=[[2e4]], hydro=hydro)   # a period of 114 s
+    return rss.Model(("Surge",), [[2.6e5]], [[7e4]], [[1e3]], fit, D=[[2e4]], hydro=hydro)
+
+
+def test_a_slowly_swinging_body_follows_the_waves_of_its_elevation():
+    model = softly_moored()
     time = np.arange(0.0, 600.0, 0.25)
     record = rss.Record(time, {"Surge": np.zeros(time.size), "wave_elevation": np.cos(time)}, kind="waves")
     moved = rss.simulate(model, record, start=np.zeros(2)).outputs[0]
     inside = (time > 200.0) & (time < 500.0)
     size = 5e5 / abs(1e3 - 3.3e5 + 2e4j)
     assert np.abs(np.exp(-1j * time[inside]) @ moved[inside]) / inside.sum() * 2.0 == pytest.approx(size, rel=0.02)
+
+
+@pytest.mark.parametrize("lost", [np.s_[:5], np.s_[400:405], np.s_[-5:]], ids=["start", "middle", "end"])
+@pytest.mark.parametrize("column", ["Surge_force", "wave_elevation"])
+def test_no_motion_is_made_of_a_force_that_is_not_there(column, lost):
+    model, time = softly_moored(), np.arange(0.0, 40.0, 0.05)
+    row = np.cos(time)
+    rss.simulate(model, rss.Record(time, {column: row}, kind="waves"))
+    row[lost] = np.nan
+    with pytest.raises(InputError, match="no sample from"):
+        rss.simulate(model, rss.Record(time, {column: row}, kind="waves"))

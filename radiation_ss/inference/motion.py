@@ -32,7 +32,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
 from radiation_ss.simulation.measured import measured_freely, unsure_edge
-from radiation_ss.simulation.prepared import known_in_waves
+from radiation_ss.simulation.prepared import driven_at
 
 FINE = 10  # frequencies in each bin at which the Jacobian of the data is taken
 
@@ -211,16 +211,6 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
                      name=f"{record.name} from {a:.4g} s") for a, b in spans]
     return parts, [f"Record {record.name}: motion or force is not measured from {told}; {len(parts)} "
                    f"{'part of it is' if len(parts) == 1 else 'parts of it are'} taken, of {least:.3g} s at least."]
-
-
-def driven_at(model: Model, record: Record) -> list[FloatArray]:
-    """Return the times at which a record has each force that moves the body, or the elevation that makes it."""
-    force, rows = record.get("force", model.dofs), []
-    if force is not None:
-        rows = [row for row in force if np.isfinite(row).any() and np.nanstd(row) > 0.0]
-    elif known_in_waves(model, record):
-        rows = [record.channels["wave_elevation"]]
-    return [record.time[np.isfinite(row)] for row in rows]
 
 
 def smoothed(raw: FloatArray, dt: float, length: float, tops: FloatArray, swings: FloatArray | None = None

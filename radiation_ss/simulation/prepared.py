@@ -178,6 +178,16 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
     return wave_force(model, record) if known_in_waves(model, record) else None
 
 
+def driven_at(model: Model, record: Record) -> list[FloatArray]:
+    """Return the times at which a record has each force that moves the body, or the elevation that makes it."""
+    force, rows = record.get("force", model.dofs), []
+    if force is not None:
+        rows = [row for row in force if np.isfinite(row).any() and np.nanstd(row) > 0.0]
+    elif known_in_waves(model, record):
+        rows = [record.channels["wave_elevation"]]
+    return [record.time[np.isfinite(row)] for row in rows]
+
+
 def known_in_waves(model: Model, record: Record) -> bool:
     """Whether the record has the elevation, and the model X."""
     return "wave_elevation" in record.channels and model.hydro is not None and model.hydro.X is not None

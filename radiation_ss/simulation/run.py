@@ -20,8 +20,9 @@ from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.convert import as_record_or_force
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
+from radiation_ss.records.signals import unread
 from radiation_ss.simulation.driven import equilibrium
-from radiation_ss.simulation.prepared import Channel, Prepared, prepare
+from radiation_ss.simulation.prepared import Channel, Prepared, driven_at, prepare
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.start import fitted_start, step_size
 
@@ -61,7 +62,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     Raises
     ------
     InputError
-        If the record's force is unknown or shapes do not fit.
+        If the record's force is unknown or missing over more than three steps, or shapes do not fit.
     SolverError
         If the motion grows without bounds.
 
@@ -89,6 +90,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
         return at_rest(model, record, activated(effects, model))
+    check_force_is_whole(model, record)
     begin: ArrayLike | None = start if not isinstance(start, Mapping) else np.r_[
         np.zeros(model.fit.states), np.diag(linear_terms(start, model.dofs, "start")), np.zeros(model.n)]
     unmoved = all(record.get(quantity, model.dofs) is None for quantity in QUANTITIES)
@@ -111,6 +113,15 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     assert prepared.force is not None
     inside = np.clip(record.time, prepared.force[0].x[0], prepared.force[0].x[-1])
     return response(model, record.time, outputs, np.stack([f(inside) for f in prepared.force]), record.name)
+
+
+
+def check_force_is_whole(model: Model, record: Record, missed: float = 3.5) -> None:
+    """Raise InputError if the force, or the elevation that makes it, has an interval of so many of its steps."""
+    for at in driven_at(model, record):
+        for first, last in unread(record, at, 0.0, missed):
+            raise InputError(f"record {record.name}: force or elevation has no sample from {first:.6g} to {last:.6g} "
+                             "s; take a part without gaps, record.window(start, end)")
 
 
 def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.TimeResponseData:
