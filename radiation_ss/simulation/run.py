@@ -117,9 +117,14 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
 
 
 def check_force_is_whole(model: Model, record: Record, missed: float = 3.5) -> None:
-    """Raise InputError if the force, or the elevation that makes it, has an interval of so many of its steps."""
+    """Raise InputError if the force, or the elevation that makes it, has an interval of so many of its steps.
+
+    An elevation that is carried to the body begins later or ends sooner than the record: its ends are held there.
+    """
+    carried = record.get("force", model.dofs) is None
     for at in driven_at(model, record):
-        for first, last in unread(record, at, 0.0, missed):
+        gaps = [gap for gap in unread(record, at, 0.0, missed) if not carried or at[0] <= gap[0] < at[-1]]
+        for first, last in gaps:
             raise InputError(f"record {record.name}: force or elevation has no sample from {first:.6g} to {last:.6g} "
                              "s; take a part without gaps, record.window(start, end)")
 
