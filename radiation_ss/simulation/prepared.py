@@ -182,10 +182,10 @@ def driven_at(model: Model, record: Record) -> list[FloatArray]:
     """Return the times at which a record has each force that moves the body, or the elevation that makes it."""
     force, rows = record.get("force", model.dofs), []
     if force is not None:
-        rows = [row for row in force if np.isfinite(row).any() and np.nanstd(row) > 0.0]
+        rows = list(force)
     elif known_in_waves(model, record):
         rows = [record.channels["wave_elevation"]]
-    return [record.time[np.isfinite(row)] for row in rows]
+    return [record.time[np.isfinite(row)] for row in rows if np.isfinite(row).any() and np.nanstd(row) > 0.0]
 
 
 def known_in_waves(model: Model, record: Record) -> bool:

@@ -115,7 +115,6 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     return response(model, record.time, outputs, np.stack([f(inside) for f in prepared.force]), record.name)
 
 
-
 def check_force_is_whole(model: Model, record: Record, missed: float = 3.5) -> None:
     """Raise InputError if the force, or the elevation that makes it, has an interval of so many of its steps.
 
