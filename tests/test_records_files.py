@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.records import channel_unit, suspicions
+from radiation_ss.records import channel_unit, suspicions, without_clipped
 
 
 def written(folder: Path, text: str, name: str = "run.csv") -> Path:
@@ -178,6 +178,7 @@ WAVE = np.sin(2.1 * TIME)
     ({"Heave": 0.1 * WAVE, "Heave_velocity": 210.0 * np.cos(2.1 * TIME)}, "wrong unit"),
     ({"Heave": 0.0 * WAVE + 0.3}, "dead channel"), ({"Heave_force": 0.0 * WAVE + 5.0, "Heave": WAVE}, "dead channel"),
     ({"Heave": np.clip(WAVE, -0.9, 2.0)}, "clipped at a minimum"), ({"Heave": np.minimum(WAVE, 0.8)}, "a maximum"),
+    ({"Heave": np.where((TIME > 9.0) & (TIME < 9.5), np.sin(2.1 * 9.0), WAVE)}, "24 samples repeat .* hangs"),
     ({"Heave": np.full(TIME.size, np.nan)}, "0 sample"),
     ({"Heave": np.where((TIME > 3.0) & (TIME < 3.2), -999.0, 0.1 * WAVE)}, "samples of -999, far from all others"),
     ({"Heave": 0.1 * WAVE - 12.0}, "take off the reading at rest"),
@@ -193,6 +194,21 @@ def test_suspicious_channels_are_named(tmp_path, channels, word):
     rss.write_record(record, tmp_path / "run.csv")
     with pytest.warns(InputWarning, match=word):
         rss.read_record(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("shown", [0.0, None])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hanging_sensor_shows_is_left_out(seed, shown):
+    """Nothing of a sensor that repeats a value in motion is a measurement, but where it began and after it went on."""
+    rng = np.random.default_rng(seed)
+    sea = sum(rng.normal() * np.cos(w * TIME + rng.uniform(0, 6)) for w in np.linspace(1.0, 3.0, 12)) * 0.2
+    first = int(np.argmax(np.abs(np.gradient(sea[300:1200])))) + 300
+    values = sea + 1e-3 * rng.normal(size=TIME.size)
+    values[first: first + 40] = values[first] if shown is None else shown
+    kept, said = without_clipped(rss.Record(TIME, {"Heave": values}, kind="motion-only"))
+    missing = np.flatnonzero(np.isnan(kept.channels["Heave"]))
+    np.testing.assert_array_equal(missing, np.arange(first + 1, first + 40))
+    assert len(said) == 1 and "39 of 1500 samples repeat" in said[0]
 
 
 def test_a_sentence_on_all_samples_has_looked_at_all():
@@ -253,7 +269,8 @@ def test_sound_records_raise_no_suspicion(seed, quantum):
     sea = sum(rng.normal() * np.cos(w * TIME + rng.uniform(0, 6)) for w in np.linspace(1.0, 3.0, 12)) * 0.2
     noisy = sea + 1e-3 * rng.normal(size=TIME.size)
     held = np.where(TIME < 3.0, 1.0, np.cos(2.0 * (TIME - 3.0)) * np.exp(-0.1 * (TIME - 3.0)))
-    for values in (sea, noisy, held, WAVE):
+    sticking = np.interp(0.2 * TIME % 1.0, [0.0, 0.2, 0.5, 0.7, 1.0], [0.0, np.pi, np.pi, 2.0 * np.pi, 2.0 * np.pi])
+    for values in (sea, noisy, held, WAVE, np.cos(sticking)):  # the last stops for 1.5 s between half swings of 1 s
         record = rss.Record(TIME, {"Heave": np.round(values / quantum) * quantum,
                                    "Heave_velocity": np.gradient(values, TIME)}, kind="motion-only")
         assert suspicions(record) == ()
