@@ -219,19 +219,24 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
 
 def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.75,
                  least: float = 0.01) -> list[tuple[str, FloatArray]]:
-    """Return what smooth errors of X would add to a force that the model makes of the elevation, in size and phase.
+    """Return what smooth errors of X would add to a force of waves, which no test measures: in phase with the elevation
+    and a quarter of a period before it, or before the force where no elevation is known.
 
-    Between centres so far apart they go linearly. `least`: share of the force's energy about a centre that counts.
+    Between centres so far apart they go linearly. They are of the size of the force about a centre, not at each
+    frequency: where X passes through zero its errors do not. `least`: share of the force's energy there that counts.
     """
-    if run.force is None or run.prescribed or not run.record.force_from_elevation(model.dofs):
+    if run.force is None or run.record.kind != "waves" or not np.any(run.force[i]):
         return []
-    spectrum = np.fft.rfft(run.force[i] - run.force[i].mean(), 2 * run.time.size)
-    at = np.log2(np.maximum(2.0 * np.pi * np.fft.rfftfreq(2 * run.time.size, run.dt), 1e-9) / run.omega[i]) / octaves
-    found, energy = [], np.abs(spectrum) ** 2
+    count = run.time.size
+    force = np.fft.rfft(run.force[i] - run.force[i].mean(), 2 * count)
+    wave = np.fft.rfft(run.elevation - run.elevation.mean(), 2 * count) if np.any(run.elevation) else force
+    at = np.log2(np.maximum(2.0 * np.pi * np.fft.rfftfreq(2 * count, run.dt), 1e-9) / run.omega[i]) / octaves
+    found, energy, waves = [], np.abs(force) ** 2, np.abs(wave) ** 2
     for k in range(int(np.floor(at[1])), int(np.ceil(at[-1])) + 1):
         near = np.clip(1.0 - np.abs(at - k), 0.0, 1.0)
-        if near @ energy > least * energy.sum():
-            found += [(f"X {k} {word}", np.fft.irfft(near * turned * spectrum)[: run.time.size])
+        if near @ energy > least * energy.sum() and near @ waves > 0.0:
+            size = near * np.sqrt(near @ energy / (near @ waves))
+            found += [(f"X {k} {word}", np.fft.irfft(size * turned * wave)[:count])
                       for word, turned in (("size", 1.0), ("phase", 1j))]
     return found
 
