@@ -365,11 +365,11 @@ def test_a_coupled_inertia_is_found_whatever_the_sizes_of_the_motions():
     assert effect.name == "coupling_inertia" and abs(value - lacking) < 3.0 * deviation < 1.2
 
 
-def by_elevation(seed, error):
-    """Return the diagnosis of steady heave in closed form, X off by a relative complex error of the frequency."""
+def by_elevation(seed, error, X=lambda w: 8.0 * np.exp(-0.1 * w**2), column="wave_elevation"):
+    """Return the diagnosis of steady heave in closed form, X off by a complex error of the frequency, of its size."""
     rng, omega = np.random.default_rng(seed), np.linspace(0.05, 12.0, 240)
     a, b, c = np.array([[-1.5, -4.0], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]])
-    data = data_of(a, b, c, omega).replace(X=8.0 * np.exp(-0.1 * omega**2)[:, None, None], directions=[0.0],
+    data = data_of(a, b, c, omega).replace(X=X(omega)[:, None, None], directions=[0.0],
                                            M=[[2.0]], C=[[16.0]])
     model = rss.Model.from_hydro(data, fit=rss.fit_radiation(data, order=2))
 
@@ -377,9 +377,10 @@ def by_elevation(seed, error):
         time, w = np.arange(0.0, 400.0, 0.1), rng.uniform(0.8, 3.2, 60)
         waves = 0.02 * (rng.normal(size=60) + 1j * rng.normal(size=60)) * np.exp(1j * np.outer(time, w))
         Z = 16.0 - w**2 * (model.M + model.A_inf)[0, 0] + 1j * w * model.fit.frequency_response(w)[:, 0, 0]
-        heave = (waves @ (8.0 * np.exp(-0.1 * w**2) * (1.0 + error(w)) / Z)).real
+        heave = (waves @ ((X(w) + error(w)) / Z)).real
         read = heave + 0.002 * heave.std() * rng.normal(size=time.size)
-        return rss.Record(time, {"Heave": read, "wave_elevation": waves.sum(axis=1).real}, kind="waves", name=name)
+        known = {"wave_elevation": waves.sum(axis=1).real, "Heave_force": (waves @ X(w)).real}
+        return rss.Record(time, {"Heave": read, column: known[column]}, kind="waves", name=name)
 
     return rss.diagnose(model, [sea("a"), sea("b")], withhold=sea("c"))
 
@@ -387,7 +388,7 @@ def by_elevation(seed, error):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(seed):
     """X is off by 2 % everywhere, at a phase that turns three times over the sea."""
-    found = by_elevation(seed, lambda w: 0.02 * np.exp(1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8)))
+    found = by_elevation(seed, lambda w: 0.16 * np.exp(-0.1 * w**2 + 1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8)))
     assert found.verdict.status == "no_gap" and found.how_far.gap_before == pytest.approx(0.02, rel=0.05)
 
 
@@ -398,5 +399,16 @@ def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(
     apart = np.subtract.outer(octaves, octaves) / 0.7
     process = np.linalg.cholesky(np.exp(-0.5 * apart**2) + 1e-8 * np.eye(60))
     values = 0.02 / np.sqrt(2.0) * process @ (np.random.default_rng([seed, 1]).normal(size=(60, 2)) @ [1.0, 1j])
-    found = by_elevation(seed, lambda w: np.interp(np.log2(w), octaves, values))
+    found = by_elevation(seed, lambda w: 8.0 * np.exp(-0.1 * w**2) * np.interp(np.log2(w), octaves, values))
+    assert not found.verdict.effects and found.verdict.status != "unknown_effect"
+
+
+@pytest.mark.parametrize("column", ["wave_elevation", "Heave_force"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_long_body_is_not_judged_where_its_waves_cancel(seed, column):
+    """X of a wall-sided box by Froude and Krylov passes through zero at 2 rad/s; the true one is 1 % longer."""
+    def X(w, longer=1.0):
+        return 8.0 * np.sinc(0.25 * longer * w**2) * longer * np.exp(-0.1 * w**2)
+
+    found = by_elevation(seed, lambda w: X(w, 1.01) - X(w), X, column)
     assert not found.verdict.effects and found.verdict.status != "unknown_effect"

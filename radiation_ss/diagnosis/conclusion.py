@@ -113,8 +113,8 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
     sets = likely_sets(found, 1.0 - rules.credible, rules.told, pair.candidate.keys)
-    # A force by the elevation is as sure as its tolerance at each frequency, and so is what is predicted with it.
-    by_waves = any(r.force_from_elevation(dofs) for r in data.unseen)
+    # A force of waves is as sure as its tolerance at each frequency, and so is what is predicted with it.
+    by_waves = any(record.kind == "waves" for record in data.unseen)
     allowed = np.hypot(rules.matters, data.tolerated["force"] * by_waves)
     rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * ledger.grown > allowed**2
     left = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)

@@ -68,7 +68,7 @@ def left(problem: EquationError, candidate: Candidate, data: Data, rules: Rules)
         through = np.tile(run.noise[i, : p.bins] ** 2 / force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
         own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
-        if run.force is not None and not run.prescribed and run.record.force_from_elevation(problem.model.dofs):
+        if run.force is not None and run.record.kind == "waves":
             own = own + (tolerance * projected(problem.model, run, p, run.force)) ** 2
         rest, course, part = beside_slow(problem, p, residual[p.rows], through)
         count = part.size

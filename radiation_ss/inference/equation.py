@@ -9,9 +9,10 @@ from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.nominal import couplings_by_symmetry, natural_frequency, nominal_effects
+from radiation_ss.effects.nominal import couplings_by_symmetry, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of
+from radiation_ss.inference.force_errors import force_errors, shape_errors
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -206,38 +207,6 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
         found.append((f"wandering stiffness {k}", shape * run.x[i], part * stiff, COHERENT))
         if run.record.kind != "static":
             found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i], COHERENT))
-    return found
-
-
-def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, FloatArray]]:
-    """Return what errors of size and phase of a record's own force would add to it."""
-    if run.force is None or run.prescribed or not np.any(run.force[i]):
-        return []
-    late = -np.gradient(run.force[i], run.dt) / natural_frequency(model, i)
-    return [("force of the record", run.force[i]), ("phase of the record", late)]
-
-
-def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.75,
-                 least: float = 0.01) -> list[tuple[str, FloatArray]]:
-    """Return what smooth errors of X would add to a force of waves, which no test measures: in phase with the elevation
-    and a quarter of a period before it, or before the force where no elevation is known.
-
-    Between centres so far apart they go linearly. They are of the size of the force about a centre, not at each
-    frequency: where X passes through zero its errors do not. `least`: share of the force's energy there that counts.
-    """
-    if run.force is None or run.record.kind != "waves" or not np.any(run.force[i]):
-        return []
-    count = run.time.size
-    force = np.fft.rfft(run.force[i] - run.force[i].mean(), 2 * count)
-    wave = np.fft.rfft(run.elevation - run.elevation.mean(), 2 * count) if np.any(run.elevation) else force
-    at = np.log2(np.maximum(2.0 * np.pi * np.fft.rfftfreq(2 * count, run.dt), 1e-9) / run.omega[i]) / octaves
-    found, energy, waves = [], np.abs(force) ** 2, np.abs(wave) ** 2
-    for k in range(int(np.floor(at[1])), int(np.ceil(at[-1])) + 1):
-        near = np.clip(1.0 - np.abs(at - k), 0.0, 1.0)
-        if near @ energy > least * energy.sum() and near @ waves > 0.0:
-            size = near * np.sqrt(near @ energy / (near @ waves))
-            found += [(f"X {k} {word}", np.fft.irfft(size * turned * wave)[:count])
-                      for word, turned in (("size", 1.0), ("phase", 1j))]
     return found
 
 

@@ -10,7 +10,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, own_force
-from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, shape_errors, unexplained_forces
+from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
+from radiation_ss.inference.force_errors import shape_errors
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
