@@ -43,6 +43,7 @@ from radiation_ss.inference.candidates import Key, from_regression
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
 from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.headings import computed
 
 
 def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
@@ -114,7 +115,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
     sets = likely_sets(found, 1.0 - rules.credible, rules.told, pair.candidate.keys)
     # A force of waves is as sure as its tolerance at each frequency, and so is what is predicted with it.
-    by_waves = any(record.kind == "waves" for record in data.unseen)
+    by_waves = any(computed(problem.model, record) for record in data.unseen)
     allowed = np.hypot(rules.matters, data.tolerated["force"] * by_waves)
     rest, grows = ledger.before * np.sqrt(ledger.unexplained), ledger.before**2 * ledger.grown > allowed**2
     left = share_left(pair, ledger, [r for r in data.fitted if predictable(problem.model, r)], beside.below)

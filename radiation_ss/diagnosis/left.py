@@ -22,6 +22,7 @@ from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise, projected
 from radiation_ss.records.record import Record
+from radiation_ss.simulation.headings import computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def left(problem: EquationError, candidate: Candidate, data: Data, rules: Rules)
         through = np.tile(run.noise[i, : p.bins] ** 2 / force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])
         own = noise[p.rows] + recorded_noise(problem.model, run, i, omega) ** 2
-        if run.force is not None and run.record.kind == "waves":
+        if run.force is not None and computed(problem.model, run.record):
             own = own + (tolerance * projected(problem.model, run, p, run.force)) ** 2
         rest, course, part = beside_slow(problem, p, residual[p.rows], through)
         count = part.size

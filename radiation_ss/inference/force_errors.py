@@ -6,7 +6,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.simulation.headings import directional, force_of_waves
+from radiation_ss.simulation.headings import computed, directional, force_of_waves
 from radiation_ss.waves.force import between
 
 
@@ -20,13 +20,13 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
 
 def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.6,
                  least: float = 0.01) -> list[tuple[str, FloatArray]]:
-    """Return what smooth errors of X would add to a force of waves, which no test measures: in phase with the elevation
-    and a quarter of a period before it.
+    """Return what smooth errors of X would add to a force of waves: in phase with the elevation and a quarter of a period
+    before it.
 
     Between centres so far apart they go linearly. They are of the size of the force about a centre, not at each
     frequency: where X passes through zero its errors do not. `least`: share of the force's energy there that counts.
     """
-    if run.force is None or run.record.kind != "waves" or not np.any(run.force[i]):
+    if run.force is None or not computed(model, run.record) or not np.any(run.force[i]):
         return []
     omega, forces = spectra(run, run.force)
     wave = wave_of(model, run, i)

@@ -42,6 +42,12 @@ def directional(model: Model, alike: float = 0.01) -> bool:
     return bool(np.any(np.abs(X - X[:, :1]).max(axis=(0, 1)) > alike * np.abs(X).max(axis=(0, 1))))
 
 
+def computed(model: Model, record: Record) -> bool:
+    """Whether a record's force is some X times the waves, as no test measures it, in a column or not."""
+    known = model.hydro is not None and model.hydro.X is not None
+    return record.kind == "waves" and (known or "wave_elevation" in record.channels)
+
+
 def force_of_waves(model: Model, record: Record) -> ComplexArray:
     """Return X (nw, n) of the direction that the record's waves go to."""
     known = model.hydro
