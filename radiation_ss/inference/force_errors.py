@@ -20,7 +20,7 @@ def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, F
 
 def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.6,
                  least: float = 0.01) -> list[tuple[str, FloatArray]]:
-    """Return what smooth errors of X would add to a force of waves: in phase with the elevation and a quarter of a period
+    """Return what smooth errors of X would add to a force of waves: in phase with the elevation, and a quarter period
     before it.
 
     Between centres so far apart they go linearly. They are of the size of the force about a centre, not at each
