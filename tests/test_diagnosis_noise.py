@@ -99,6 +99,18 @@ def test_a_stretch_without_readings_is_neither_guessed_nor_joined(dragged, missi
     assert any("is not measured from" in note for note in second.notes) == (missing > 0.5)
 
 
+def test_a_part_of_nothing_but_noise_is_left_out_and_said(dragged):
+    """Ten periods after the last reading of the motion the logger runs on, without force, for twenty more."""
+    whole, first = dragged
+    step, noise = whole.time[1], 0.005 * whole.channels["Heave"].std() * np.random.default_rng(9).normal(size=1200)
+    time = np.concatenate([whole.time, whole.time[-1] + 10.0 * 2.0 * np.pi / np.sqrt(8.0 / 3.0) + step * np.arange(1200)])
+    channels = {"Heave": noise, "Heave_force": np.zeros(1200)}
+    longer = rss.Record(time, {k: np.append(v, channels[k]) for k, v in whole.channels.items()}, kind="forced")
+    found = rss.diagnose(heave(), longer)
+    assert [e.name for e in found.verdict.effects] == [e.name for e in first.verdict.effects]
+    assert any("holds only noise" in note for note in found.notes)
+
+
 @pytest.mark.parametrize("zero", [0.0, 0.5, -2.0])
 def test_a_zero_of_the_sensor_hides_no_drag_of_a_decay(zero):
     """`zero` in rms of the motion; the records are a decay to a twentieth and another one, withheld."""

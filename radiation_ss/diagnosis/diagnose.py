@@ -161,11 +161,10 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     for record in records:
         found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
-        if moves(model, found):
-            parts, said_too = parted(model, found)
-            kept, notes = [*kept, *(part for part in parts if moves(model, part))], [*notes, *said_too]
-        else:
-            notes.append(f"Record {record.name} holds only noise and is left out.")
+        parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
+        still = [part for part in parts if not moves(model, part)]
+        kept += [part for part in parts if part not in still]
+        notes += [*said_too, *(f"Record {part.name} holds only noise and is left out." for part in still)]
     return kept, notes
 
 
