@@ -103,7 +103,8 @@ def test_a_part_of_nothing_but_noise_is_left_out_and_said(dragged):
     """Ten periods after the last reading of the motion the logger runs on, without force, for twenty more."""
     whole, first = dragged
     step, noise = whole.time[1], 0.005 * whole.channels["Heave"].std() * np.random.default_rng(9).normal(size=1200)
-    time = np.concatenate([whole.time, whole.time[-1] + 10.0 * 2.0 * np.pi / np.sqrt(8.0 / 3.0) + step * np.arange(1200)])
+    later = whole.time[-1] + 10.0 * 2.0 * np.pi / np.sqrt(8.0 / 3.0) + step * np.arange(1200)
+    time = np.concatenate([whole.time, later])
     channels = {"Heave": noise, "Heave_force": np.zeros(1200)}
     longer = rss.Record(time, {k: np.append(v, channels[k]) for k, v in whole.channels.items()}, kind="forced")
     found = rss.diagnose(heave(), longer)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.records import channel_unit, suspicions, without_clipped
+from radiation_ss.records import channel_unit, suspicions, without_faults
 
 
 def written(folder: Path, text: str, name: str = "run.csv") -> Path:
@@ -179,6 +179,7 @@ WAVE = np.sin(2.1 * TIME)
     ({"Heave": 0.0 * WAVE + 0.3}, "dead channel"), ({"Heave_force": 0.0 * WAVE + 5.0, "Heave": WAVE}, "dead channel"),
     ({"Heave": np.clip(WAVE, -0.9, 2.0)}, "clipped at a minimum"), ({"Heave": np.minimum(WAVE, 0.8)}, "a maximum"),
     ({"Heave": np.where((TIME > 9.0) & (TIME < 9.5), np.sin(2.1 * 9.0), WAVE)}, "24 samples repeat .* hangs"),
+    ({"Heave": WAVE[np.arange(TIME.size) // 5 * 5]}, "1200 samples repeat .* slower than the log"),
     ({"Heave": np.full(TIME.size, np.nan)}, "0 sample"),
     ({"Heave": np.where((TIME > 3.0) & (TIME < 3.2), -999.0, 0.1 * WAVE)}, "samples of -999, far from all others"),
     ({"Heave": 0.1 * WAVE - 12.0}, "take off the reading at rest"),
@@ -205,10 +206,20 @@ def test_what_a_hanging_sensor_shows_is_left_out(seed, shown):
     first = int(np.argmax(np.abs(np.gradient(sea[300:1200])))) + 300
     values = sea + 1e-3 * rng.normal(size=TIME.size)
     values[first: first + 40] = values[first] if shown is None else shown
-    kept, said = without_clipped(rss.Record(TIME, {"Heave": values}, kind="motion-only"))
+    kept, said = without_faults(rss.Record(TIME, {"Heave": values}, kind="motion-only"))
     missing = np.flatnonzero(np.isnan(kept.channels["Heave"]))
     np.testing.assert_array_equal(missing, np.arange(first + 1, first + 40))
     assert len(said) == 1 and "39 of 1500 samples repeat" in said[0]
+
+
+@pytest.mark.parametrize("times", [2, 3.5, 20])
+def test_of_a_sensor_slower_than_the_log_each_reading_is_taken_once(times):
+    """Readings of a random sea with noise, held until the next; the log's rate need not be a multiple of theirs."""
+    sea = np.random.default_rng(1).normal(size=1500) * 0.01 + WAVE
+    last = (np.floor(np.arange(TIME.size) / times) * times).astype(int)
+    kept, said = without_faults(rss.Record(TIME, {"Heave": sea[last]}, kind="motion-only"))
+    np.testing.assert_array_equal(np.isfinite(kept.channels["Heave"]), np.append(True, np.diff(last) > 0))
+    assert len(said) == 1 and "slower than the log" in said[0]
 
 
 def test_a_sentence_on_all_samples_has_looked_at_all():

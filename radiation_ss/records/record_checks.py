@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.stats import binom
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
+from radiation_ss.records.faults import clipped, faults, logged_again
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
 from radiation_ss.units import KNOT
@@ -105,11 +105,11 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
         if unit == "m" and size > largest:
             yield f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then `{name} [mm]`"
     among = f" of the first {most}" if values.size > most else ""
-    for side, level, count in _clipped(values[:most]):
+    for side, level, count in clipped(np.delete(values[:most], logged_again(values[:most]))):
         yield f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
-    if not name.endswith("_force") and (hanging := _hanging(name, values[:most])).size:
-        yield (f"{name}: {hanging.size} samples{among} repeat the one before them between jumps (the first is sample "
-               f"{hanging[0] + 1}); the sensor hangs? Leave such cells empty")
+    for fault, places in faults(name, values[:most]).items():
+        if places.size and "clipped" not in fault and not name.endswith("_force"):
+            yield f"{name}: {places.size} samples{among} {fault} (the first: {places[0] + 1}); leave them empty"
 
 
 def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
@@ -129,92 +129,6 @@ def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
     peaks = np.array([part.max() for part in parts])
     late = float(np.abs(x[-(x.size // 3):]).max())
     return bool(np.all(np.diff(peaks) < 0.0) and peaks[0] == np.abs(x).max() and late < least * peaks[0])
-
-
-def _clipped(values: FloatArray, unlikely: float = 1e-3) -> list[tuple[str, float, int]]:
-    """Return (side, level, count) where the record stays on its extreme value more than a smooth signal can.
-
-    Time between levels grows with the square root of the distance: the top level of a quantised signal holds at most
-    1/(sqrt(2) - 1) = 2.4 times the samples of the next, and the finer the levels the fewer; that there are so many by
-    chance must be `unlikely`. The very start does not count: a decay test starts from rest.
-    """
-    levels = np.unique(values)
-    if levels.size == 1:
-        return []
-    quantum = float(np.diff(levels).min())
-    step = max(quantum, 0.005 * float(np.ptp(values)))
-    found, sudden = [], {float(values[first]) for first, _ in _sudden(values, 2)}
-    for side, sign in (("a maximum", 1.0), ("a minimum", -1.0)):
-        x = sign * values
-        top = x.max()
-        at_top = x == top
-        at_top[: int(np.argmin(at_top))] = False
-        count = int(at_top.sum())
-        beside = int(((x < top) & (x >= top - 1.001 * step)).sum())
-        runs = int((np.diff(at_top.astype(int)) == 1).sum())
-        by_chance = float(binom.sf(count - 1, count + beside, np.sqrt(quantum / (quantum + step))))
-        if sign * top in sudden and count > 2 * runs and count > 3 * beside and by_chance < unlikely:
-            found.append((side, sign * float(top), count))
-    return found
-
-
-def _sudden(values: FloatArray, repeats: int, beside: int = 8, sharper: float = 2.0) -> list[tuple[int, int]]:
-    """Return first and end of each run of `repeats` equal values or more that begins with a bend `sharper` times as
-    sharp as any of the `beside` bends before, or ends with a jump. What is held or sticks does both gently.
-
-    What the record begins with does not count: a body may be at rest until it is struck.
-    """
-    edges = np.flatnonzero(np.diff(values)) + 1
-    if edges.size == 0:
-        return []
-    quantum = float(np.diff(np.unique(values)).min())
-    bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
-
-    def sharp(size: float, there: FloatArray) -> bool:
-        return there.size == beside and size > sharper * (float(there.max()) + 1.5 * quantum)
-
-    found = []
-    for first, end in zip(edges, np.append(edges[1:], values.size)):
-        if end - first < repeats:
-            continue
-        leaving = np.abs(np.diff(values[end - 1: end + 2]))
-        jumps = leaving.size == 2 and leaving[0] > sharper * leaving[1]
-        stops = sharp(float(bend[first - 1: first + 1].max()), bend[max(first - beside - 2, 0): first - 2])
-        if stops or (jumps and sharp(float(bend[end - 1]), bend[end + 1: end + 1 + beside])):
-            found.append((int(first), int(end)))
-    return found
-
-
-def _hanging(name: str, values: FloatArray, repeats: int = 4) -> FloatArray:
-    """Return the places at which a reading repeats itself, `repeats` times or more, and neither the motion nor the
-    sensor's range makes it do so: what sticks has a velocity of zero at once.
-    """
-    lawful = [level for _, level, _ in _clipped(values)] + [0.0] * name.endswith(("_velocity", "_acceleration"))
-    found = [np.arange(first + 1, end) for first, end in _sudden(values, repeats) if values[first] not in lawful]
-    return np.concatenate([np.zeros(0, dtype=int), *found])
-
-
-def without_clipped(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return the record with the samples of its motion missing where the sensor is clipped or hangs, and a sentence for
-    each channel concerned.
-    """
-    changed, said = {}, []
-    for name, values in record.channels.items():
-        there = np.flatnonzero(np.isfinite(values))
-        if name.endswith("_force") or name == "wave_elevation" or there.size < 2:
-            continue
-        clipped = there[np.isin(values[there], [level for _, level, _ in _clipped(values[there])])]
-        hanging = there[_hanging(name, values[there])]
-        if clipped.size:
-            said.append(f"{name} of {record.name}: {clipped.size} of {there.size} samples are clipped and left out; "
-                        "what the motion did beyond the sensor's range is not measured.")
-        if hanging.size:
-            said.append(f"{name} of {record.name}: {hanging.size} of {there.size} samples repeat the one before them "
-                        f"between jumps (the first at {record.time[hanging[0]]:.4g} s): the sensor hangs; left out.")
-        if clipped.size or hanging.size:
-            changed[name] = np.array(values)
-            changed[name][np.append(clipped, hanging)] = np.nan
-    return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
 def without_dead(record: Record, least: float = 3.0) -> tuple[Record, tuple[str, ...]]:

@@ -11,8 +11,9 @@ from radiation_ss.arrays import FloatArray, lagrange
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
+from radiation_ss.records.faults import without_faults
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release, without_clipped, without_dead, without_gravity
+from radiation_ss.records.record_checks import since_release, without_dead, without_gravity
 from radiation_ss.records.signals import middle, only_noise, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
 
@@ -24,10 +25,10 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     fastest = max(natural_frequency(model, i) for i in range(model.n))
     record, dead = without_dead(record)
     record, leaning = without_gravity(record)
-    record, clipped = without_clipped(record)
+    record, faulty = without_faults(record)
     record, apart = without_spikes(record, 2.0 * np.pi / fastest)
     record, held = since_release(record)
-    return record, (*dead, *leaning, *clipped, *apart, *held)
+    return record, (*dead, *leaning, *faulty, *apart, *held)
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:

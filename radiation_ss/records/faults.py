@@ -1,0 +1,108 @@
+"""Readings that are not the motion's: clipped, of a sensor that hangs, or of one that is slower than the log."""
+
+import numpy as np
+from scipy.stats import binom
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.records.record import Record
+
+
+def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return the record with the samples of its motion missing that are not the motion's, and a sentence for each
+    channel and fault: clipped ones, and those of sensors that hang or are slower than the log.
+    """
+    changed, said = dict[str, FloatArray](), list[str]()
+    for name, values in record.channels.items():
+        there = np.flatnonzero(np.isfinite(values))
+        if name.endswith("_force") or name == "wave_elevation" or there.size < 2:
+            continue
+        for fault, places in faults(name, values[there]).items():
+            if places.size:
+                changed.setdefault(name, np.array(values))[there[places]] = np.nan
+                first = record.time[there[places[0]]]
+                said.append(f"{name} of {record.name}: {places.size} of {there.size} samples {fault}; left out "
+                            f"(the first at {first:.4g} s).")
+    return (record.with_channels(**changed) if changed else record), tuple(said)
+
+
+def faults(name: str, values: FloatArray, repeats: int = 4) -> dict[str, np.ndarray]:
+    """Return the places of readings that are not the motion's, and what is wrong there.
+
+    A sensor that is slower than the log has nothing new in most of its readings. One that hangs repeats its reading
+    `repeats` times or more, which neither the motion nor its range makes it do: what sticks has a velocity of zero.
+    """
+    again = logged_again(values)
+    new = np.delete(np.arange(values.size), again)
+    ends = [level for _, level, _ in clipped(values[new])]
+    lawful = ends + [0.0] * name.endswith(("_velocity", "_acceleration"))
+    hanging = [np.arange(first + 1, end) for first, end in sudden(values[new], repeats)
+               if values[new[first]] not in lawful]
+    return {"repeat the one before them: the sensor is slower than the log": again,
+            "are clipped: what the motion did beyond the sensor's range is not measured":
+                new[np.isin(values[new], ends)],
+            "repeat the one before them: the sensor hangs": new[np.concatenate([np.zeros(0, dtype=int), *hanging])]}
+
+
+def logged_again(values: FloatArray, clear: float = 4.0) -> np.ndarray:
+    """Return the places that repeat the reading before them, where most readings are repeated at once and the steps
+    between them are `clear` of the smallest: not so by a coarse converter's.
+    """
+    steps = np.diff(values)
+    edges, size = np.flatnonzero(steps), np.abs(steps[steps != 0.0])
+    if edges.size < 2 or np.median(np.diff(edges)) < 2.0 or np.median(size) < clear * np.diff(np.unique(values)).min():
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(steps == 0.0) + 1
+
+
+def sudden(values: FloatArray, repeats: int, beside: int = 8, sharper: float = 2.0) -> list[tuple[int, int]]:
+    """Return first and end of each run of `repeats` equal values or more that begins with a bend `sharper` times as
+    sharp as any of the `beside` bends before, or ends with a jump. What is held or sticks does both gently.
+
+    What the record begins with does not count: a body may be at rest until it is struck.
+    """
+    edges = np.flatnonzero(np.diff(values)) + 1
+    if edges.size == 0:
+        return []
+    quantum = float(np.diff(np.unique(values)).min())
+    bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
+
+    def sharp(size: float, there: FloatArray) -> bool:
+        return there.size == beside and size > sharper * (float(there.max()) + 1.5 * quantum)
+
+    found = []
+    for first, end in zip(edges, np.append(edges[1:], values.size)):
+        if end - first < repeats:
+            continue
+        leaving = np.abs(np.diff(values[end - 1: end + 2]))
+        jumps = leaving.size == 2 and leaving[0] > sharper * leaving[1]
+        stops = sharp(float(bend[first - 1: first + 1].max()), bend[max(first - beside - 2, 0): first - 2])
+        if stops or (jumps and sharp(float(bend[end - 1]), bend[end + 1: end + 1 + beside])):
+            found.append((int(first), int(end)))
+    return found
+
+
+def clipped(values: FloatArray, unlikely: float = 1e-3) -> list[tuple[str, float, int]]:
+    """Return (side, level, count) where the record stays on its extreme value more than a smooth signal can.
+
+    Time between levels grows with the square root of the distance: the top level of a quantised signal holds at most
+    1/(sqrt(2) - 1) = 2.4 times the samples of the next, and the finer the levels the fewer; that there are so many by
+    chance must be `unlikely`. The very start does not count: a decay test starts from rest.
+    """
+    levels = np.unique(values)
+    if levels.size == 1:
+        return []
+    quantum = float(np.diff(levels).min())
+    step = max(quantum, 0.005 * float(np.ptp(values)))
+    found, sharply = [], {float(values[first]) for first, _ in sudden(values, 2)}
+    for side, sign in (("a maximum", 1.0), ("a minimum", -1.0)):
+        x = sign * values
+        top = x.max()
+        at_top = x == top
+        at_top[: int(np.argmin(at_top))] = False
+        count = int(at_top.sum())
+        beside = int(((x < top) & (x >= top - 1.001 * step)).sum())
+        runs = int((np.diff(at_top.astype(int)) == 1).sum())
+        by_chance = float(binom.sf(count - 1, count + beside, np.sqrt(quantum / (quantum + step))))
+        if sign * top in sharply and count > 2 * runs and count > 3 * beside and by_chance < unlikely:
+            found.append((side, sign * float(top), count))
+    return found
