@@ -381,7 +381,7 @@ def test_a_coupled_inertia_is_found_whatever_the_sizes_of_the_motions():
     assert effect.name == "coupling_inertia" and abs(value - lacking) < 3.0 * deviation < 1.2
 
 
-def by_elevation(seed, error, X=lambda w: 8.0 * np.exp(-0.1 * w**2), column="wave_elevation"):
+def by_elevation(seed, error, X=lambda w: 8.0 * np.exp(-0.1 * w**2), column="wave_elevation", **meta):
     """Return the diagnosis of steady heave in closed form, X off by a complex error of the frequency, of its size."""
     rng, omega = np.random.default_rng(seed), np.linspace(0.05, 12.0, 240)
     a, b, c = np.array([[-1.5, -4.0], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]])
@@ -396,9 +396,31 @@ def by_elevation(seed, error, X=lambda w: 8.0 * np.exp(-0.1 * w**2), column="wav
         heave = (waves @ ((X(w) + error(w)) / Z)).real
         read = heave + 0.002 * heave.std() * rng.normal(size=time.size)
         known = {"wave_elevation": waves.sum(axis=1).real, "Heave_force": (waves @ X(w)).real}
-        return rss.Record(time, {"Heave": read, column: known[column]}, kind="waves", name=name)
+        return rss.Record(time, {"Heave": read, column: known[column]}, kind="waves", name=name, meta=meta)
 
     return rss.diagnose(model, [sea("a"), sea("b")], withhold=sea("c"))
+
+
+def test_a_recorded_force_needs_no_X_of_its_direction():
+    """X is for following waves; the record's go across, and its force is in its column."""
+    found = by_elevation(0, lambda w: 0.0 * w, column="Heave_force", heading="90")
+    assert found.verdict.status == "no_gap" and found.how_far.gap_after < 0.01
+
+
+def test_a_steady_force_is_no_force_of_waves():
+    model, rng = heave(), np.random.default_rng(4)
+    data = rss.HydroData([0.5, 1.0, 2.0, 4.0], np.ones((4, 1, 1)), np.zeros((4, 1, 1)), dofs=("Heave",), M=[[2.0]],
+                         C=[[8.0]], A_inf=[[1.0]], X=np.ones((4, 1, 1)), directions=[0.0])
+    model = model.replace(hydro=data)
+    w, time = np.sqrt(8.0 / 3.0), np.arange(0.0, 80.0, 0.2)
+
+    def pushed_down(start, name):
+        decay = 0.1 + (start - 0.1) * np.exp(-0.05 * w * time) * np.cos(w * np.sqrt(1.0 - 0.05**2) * time)
+        channels = {"Heave": decay + 1e-4 * rng.normal(size=time.size), "Heave_force": np.full(time.size, 0.8)}
+        return rss.Record(time, channels, kind="waves", name=name)
+
+    found = rss.diagnose(model, pushed_down(0.3, "a"), withhold=pushed_down(-0.1, "b"))
+    assert found.verdict.status == "no_gap"
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,9 +5,10 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
+from radiation_ss.errors import InputError
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.simulation.headings import computed, directional, force_of_waves
-from radiation_ss.waves.force import between
+from radiation_ss.simulation.headings import computed, force_of_waves
+from radiation_ss.waves.force import on_all
 
 
 def force_errors(model: Model, run: MeasuredMotion, i: int) -> list[tuple[str, FloatArray]]:
@@ -35,6 +36,8 @@ def shape_errors(model: Model, run: MeasuredMotion, i: int, octaves: float = 0.6
     centres = np.arange(np.floor(at[1]), np.ceil(at[-1]) + 1.0)
     near = np.clip(1.0 - np.abs(at - centres[:, None]), 0.0, 1.0)
     told = (near @ energy > least * energy.sum()) & (near @ waves > 0.0)
+    if not told.any():  # a constant force
+        return []
     size = np.exp(np.interp(at, centres[told], 0.5 * np.log(near[told] @ energy / (near[told] @ waves))))
     return [(f"X {k:.0f} {word}", np.fft.irfft(part * size * turned * wave)[: run.time.size])
             for k, part in zip(centres[told], near[told]) for word, turned in (("size", 1.0), ("phase", 1j))]
@@ -49,10 +52,12 @@ def wave_of(model: Model, run: MeasuredMotion, i: int, least: float = 1e-2) -> C
     assert run.force is not None
     omega, forces = spectra(run, run.force)
     known = model.hydro
-    stated = "heading" in run.record.meta or not directional(model)
-    if known is None or known.X is None or not stated or run.record.speed:
+    if known is None or known.X is None or run.record.speed:
         return np.asarray(forces[i])
-    X = between(known.omega, force_of_waves(model, run.record), np.clip(omega, known.omega[0], known.omega[-1])).T
+    try:
+        X = on_all(known.omega, force_of_waves(model, run.record), omega).T
+    except InputError:  # X is for other directions; the record's own force needs none
+        return np.asarray(forces[i])
     scale = np.maximum(np.abs(X).max(axis=1, keepdims=True), 1e-300)
     X, forces = X / scale, np.where(np.any(forces, axis=1, keepdims=True), forces / scale, 0.0)
     return np.asarray(np.sum(X.conj() * forces, axis=0) / (np.sum(np.abs(X) ** 2, axis=0) + least**2))
