@@ -6,6 +6,10 @@ from scipy.stats import binom
 from radiation_ss.arrays import FloatArray
 from radiation_ss.records.record import Record
 
+FAULTS = {"slower": "repeat the one before them: the sensor is slower than the log",
+          "clipped": "are clipped: what the motion did beyond the sensor's range is not measured",
+          "hanging": "repeat the one before them: the sensor hangs"}
+
 
 def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
     """Return the record with the samples of its motion missing that are not the motion's, and a sentence for each
@@ -20,13 +24,13 @@ def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
             if places.size:
                 changed.setdefault(name, np.array(values))[there[places]] = np.nan
                 first = record.time[there[places[0]]]
-                said.append(f"{name} of {record.name}: {places.size} of {there.size} samples {fault}; left out "
+                said.append(f"{name} of {record.name}: {places.size} of {there.size} samples {FAULTS[fault]}; left out "
                             f"(the first at {first:.4g} s).")
     return (record.with_channels(**changed) if changed else record), tuple(said)
 
 
 def faults(name: str, values: FloatArray, repeats: int = 4) -> dict[str, np.ndarray]:
-    """Return the places of readings that are not the motion's, and what is wrong there.
+    """Return the places of readings that are not the motion's, by what is wrong there, as in `FAULTS`.
 
     A sensor that is slower than the log has nothing new in most of its readings. One that hangs repeats its reading
     `repeats` times or more, which neither the motion nor its range makes it do: what sticks has a velocity of zero.
@@ -37,10 +41,8 @@ def faults(name: str, values: FloatArray, repeats: int = 4) -> dict[str, np.ndar
     lawful = ends + [0.0] * name.endswith(("_velocity", "_acceleration"))
     hanging = [np.arange(first + 1, end) for first, end in sudden(values[new], repeats)
                if values[new[first]] not in lawful]
-    return {"repeat the one before them: the sensor is slower than the log": again,
-            "are clipped: what the motion did beyond the sensor's range is not measured":
-                new[np.isin(values[new], ends)],
-            "repeat the one before them: the sensor hangs": new[np.concatenate([np.zeros(0, dtype=int), *hanging])]}
+    return {"slower": again, "clipped": new[np.isin(values[new], ends)],
+            "hanging": new[np.concatenate([np.zeros(0, dtype=int), *hanging])]}
 
 
 def logged_again(values: FloatArray, clear: float = 4.0) -> np.ndarray:

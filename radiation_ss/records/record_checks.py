@@ -10,7 +10,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
-from radiation_ss.records.faults import clipped, faults, logged_again
+from radiation_ss.records.faults import FAULTS, clipped, faults, logged_again
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
 from radiation_ss.units import KNOT
@@ -108,8 +108,8 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
     for side, level, count in clipped(np.delete(values[:most], logged_again(values[:most]))):
         yield f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
     for fault, places in faults(name, values[:most]).items():
-        if places.size and "clipped" not in fault and not name.endswith("_force"):
-            yield f"{name}: {places.size} samples{among} {fault} (the first: {places[0] + 1}); leave them empty"
+        if places.size and fault != "clipped" and not name.endswith("_force"):
+            yield f"{name}: {places.size} samples{among} {FAULTS[fault]} (the first: {places[0] + 1}); leave them empty"
 
 
 def dies_away(values: FloatArray, swings: int = 6, least: float = 0.7) -> bool:
