@@ -78,6 +78,35 @@ def test_corrected_model_has_the_plant_of_the_correction_and_its_table():
     assert np.allclose(better.fit.frequency_response([5.0]), 1.05 * model.fit.frequency_response([5.0]))
 
 
+def test_a_slower_memory_is_in_the_corrected_model_and_its_table():
+    model, values = tank_model(), {"share": -0.1, "slower": 0.6, "longer": 0.5}
+    better = corrected([("radiation_damping", values)]).model(model)
+    w = np.linspace(1.0, 15.0, 30)
+    a, b, c = model.fit.a, model.fit.b, model.fit.c
+
+    def kernel(pace):
+        return np.array([c @ np.linalg.solve(1j * each * np.eye(len(a)) - pace * a, b) for each in w])
+
+    expected = (1.0 - 0.1 - 0.6) * kernel(1.0) + 0.6 * kernel(1.0 / 1.5)
+    found = better.fit.to_ss()(1j * w)
+    np.testing.assert_allclose(np.asarray(found).reshape(w.shape), expected[:, 0, 0], rtol=1e-9)
+    assert better.fit.stable
+
+
+def test_the_table_of_a_corrected_model_has_the_slower_memory():
+    model = tank_model()
+    omega = np.linspace(1.0, 15.0, 40)
+    K = model.fit.frequency_response(omega)
+    table = rss.HydroData(omega, model.A_inf + K.imag / omega[:, None, None], K.real, A_inf=model.A_inf,
+                          dofs=("Heave",), M=model.M, C=model.C)
+    body = model.replace(hydro=table)
+    better = corrected([("radiation_damping", {"slower": 1.0, "longer": 0.5})]).model(body)
+    # K(t / 1.5) has the transform 1.5 K(1.5 w).
+    stretched = 1.5 * model.fit.frequency_response(1.5 * omega)
+    np.testing.assert_allclose(better.hydro.B, stretched.real, rtol=1e-9)
+    np.testing.assert_allclose(better.hydro.A, model.A_inf + stretched.imag / omega[:, None, None], rtol=1e-9)
+
+
 def test_amplitude_is_asked_for_where_it_matters_and_only_there():
     model, drag = tank_model(), corrected([("quadratic_drag", {"coefficient": 60.0})])
     with pytest.raises(InputError, match="amplitude"):

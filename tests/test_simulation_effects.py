@@ -143,6 +143,19 @@ def test_radiation_of_all_motions_is_scaled_by_one_share():
     assert np.abs(np.asarray(found) - expected).max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("longer", [0.0, 0.5, -0.3])
+def test_a_memory_of_another_length_is_the_kernel_stretched(longer):
+    """K(t / (1 + longer)) is the model's own realisation with its states' rates divided by 1 + longer."""
+    model = coupled_model()
+    time = np.arange(0.0, 40.0, 0.2)
+    force = np.stack([1e5 * np.cos(0.8 * time), 5e4 * np.sin(0.6 * time)])
+    other = model.fit.replace(a=model.fit.a / (1.0 + longer))
+    expected = np.asarray(simulate(model.replace(fit=other), (time, force)).outputs)
+    slower = [("radiation_damping", {"slower": 1.0, "longer": longer})]
+    found = np.asarray(simulate(model, (time, force), slower).outputs)
+    assert np.abs(found - expected)[:4].max() < 2e-3 * np.abs(expected[:4]).max()
+
+
 def test_own_effect_in_a_few_lines():
     effect = Effect("cubic_drag_of_a_test", {"coefficient": Parameter("F/(X/s)^3", sign=1)},
                     force=lambda s, p: -p.coefficient * s.v**3)

@@ -38,7 +38,7 @@ __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effec
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
-    modules = (import_module(f"{__name__}.{name}") for name in ("catalogue", "further", "mooring"))
+    modules = (import_module(f"{__name__}.{name}") for name in ("catalogue", "radiation", "further", "mooring"))
     return {effect.name: effect for module in modules for effect in module.effects()}
 
 
@@ -89,7 +89,8 @@ def effect_named(name: str) -> Effect:
 
 def activated(effects: Any, model: Any) -> tuple[Active, ...]:
     """Return a model's effects as `activate` does; what a diagnosis found, its `corrected`, brings its own."""
-    return activate(effects.actives(model) if hasattr(effects, "actives") else effects, model.dofs)
+    found = activate(effects.actives(model) if hasattr(effects, "actives") else effects, model.dofs)
+    return tuple(active.bound(model) for active in found)
 
 
 def activate(effects: Any, dofs: Sequence[str]) -> tuple[Active, ...]:

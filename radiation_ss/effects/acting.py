@@ -30,7 +30,8 @@ def acting(active: Active, signals: Sequence[Any], dofs: Sequence[str], values: 
     if effect.force is None:
         return Action([], rates)
     if effect.scope == "dof" and not active.dof:
-        return Action([(i, effect.force(each, values)) for i, each in enumerate(signals)], rates)
+        return Action([(i, effect.force(SimpleNamespace(**{**vars(each), "z": s.z}), values))
+                       for i, each in enumerate(signals)], rates)
     result = effect.force(s, values)
     if effect.scope == "between":
         return Action([(places[0], result), (places[1], -result)], rates)

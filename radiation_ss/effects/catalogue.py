@@ -150,9 +150,6 @@ def effects() -> list[Effect]:
                {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
-        Effect("radiation_damping", {"share": P("1", 0, lambda s: 0.2, lower=-1.0)},
-               lambda s, p: -p.share * s.memory, linear=True, common=True,
-               summary="the radiation force is larger or smaller than computed, of one motion or of all by one share"),
     ]
     either_side = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True)
     near = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)  # a smoothing width

@@ -62,8 +62,10 @@ class Effect:
         Depends on the path and its direction, not on how fast it is gone: dry friction.
     optional : bool
         Considered only where it is named; not part of what `diagnose` looks for by default.
-    rare : bool
-        Met less often than others: its prior probability is smaller.
+    rare : bool or callable (values) -> bool
+        Met less often than others, or with these values: its prior probability is smaller.
+    bind : callable (effect, model, values) -> Effect, optional
+        Gives the effect what it takes from the model that it acts on: see `Active.bound`.
     common : bool
         The same in each motion of the body, considered where there are several: a copy with scope "body", with scope
         "dof" one copy beside those of each motion.
@@ -97,7 +99,8 @@ class Effect:
     unrest: Callable[[Scales], Sequence[float]] | None = None
     summary: str = field(default="", compare=False)
     optional: bool = False
-    rare: bool = False
+    rare: bool | Callable[[Mapping[str, float]], bool] = False
+    bind: Callable[["Effect", Any, Mapping[str, float]], "Effect"] | None = None
     common: bool = False
     rate_free: bool = False
     modes: tuple[str, ...] = ()
@@ -194,6 +197,17 @@ class Active:
         link = "with" if self.effect.scope == "directed" else "and"
         where = f"{self.dof} {link} {self.other}" if self.other else self.dof
         return f"{self.name} on {where}" if where else self.name
+
+    @property
+    def rare(self) -> bool:
+        """Whether it is met less often than others; see `Effect.rare`."""
+        rare = self.effect.rare
+        return rare(self.values) if callable(rare) else rare
+
+    def bound(self, model: Any) -> "Active":
+        """Return it with what its effect takes from the model, as copies of the radiation's states."""
+        bind = self.effect.bind
+        return self if bind is None else replace(self, effect=bind(self.effect, model, self.values))
 
     @property
     def vector(self) -> list[float]:

@@ -105,10 +105,11 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
         return
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = list(product(*grids))
-    symbols = Symbols(problem.model, Active(effect, dof, {}, other))
+    symbols: dict[int, Symbols] = {}  # by the number of own states, which goes with the shape where there is a memory
     for shape in shapes:
-        active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other)
-        columns = term_columns(problem, active, slabs, symbols)
+        active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other).bound(problem.model)
+        symbols.setdefault(active.effect.states, Symbols(problem.model, active))
+        columns = term_columns(problem, active, slabs, symbols[active.effect.states])
         if columns is not None:
             yield Term(active, columns, len(shapes))
 

@@ -253,7 +253,7 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
 
 def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> float:
     """Return the log odds that an effect acts with its shape: one of its starts, or what is about a refined one."""
-    chance = rules.rare if term.active.effect.rare else rules.inclusion
+    chance = rules.rare if term.active.rare else rules.inclusion
     odds = 0.0 if term.active.name in present else np.log(chance / (1.0 - chance))
     return float(odds - np.log(term.shapes) + term.volume)
 

@@ -25,6 +25,7 @@ from radiation_ss.effects.definition import vector_of
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.methods import Brief
 from radiation_ss.reading import listed, named_numbers, number, read_json, text
@@ -61,7 +62,8 @@ class Corrected(Brief):
         """Return everything to be simulated: retuned nominal numbers first, then effects."""
         own = [number.active for number in nominal_effects(model, tolerances(self.tolerance), force=True)]
         return (*(active.with_values([value]) for active in own
-                  if (value := self.nominal.get((active.name, active.dof)))), *self.effects)
+                  if (value := self.nominal.get((active.name, active.dof)))),
+                *(active.bound(model) for active in self.effects))
 
     def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
         """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
@@ -77,13 +79,14 @@ class Corrected(Brief):
         share = np.divide(mass, mass + added, out=np.zeros_like(mass), where=mass + added > 0.0)
         M = model.M + share * retuned
         A_inf = model.A_inf + extra.M - share * retuned
-        hydro = None
+        fit, hydro = with_memory(model.fit, extra), None
         if (data := model.hydro) is not None:
-            K = frequency_response(model.fit.a, model.fit.b, extra.c, data.omega)
+            K = (frequency_response(fit.a, fit.b, fit.c, data.omega)
+                 - frequency_response(model.fit.a, model.fit.b, model.fit.c, data.omega))
             swing = K.imag / data.omega[:, None, None]
             X = None if data.X is None else corrected_force(np.array(data.X, dtype=complex), data, model, self)
             hydro = replace(data, A=data.A + (A_inf - model.A_inf) + swing, B=data.B + K.real, A_inf=A_inf, X=X)
-        fit = model.fit.replace(c=model.fit.c + extra.c, A_inf=A_inf, entry_error=None, data=hydro)
+        fit = fit.replace(A_inf=A_inf, entry_error=None, data=hydro)
         return model.replace(M=M, A_inf=A_inf, C=model.C + extra.C, D=model.D + extra.D, fit=fit, hydro=hydro,
                              name=f"{model.name}_corrected")
 
@@ -142,12 +145,12 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
     """Return what a correction adds to the linear model.
 
     `amplitude` of the harmonic motion [m or rad]: one, or by degree of freedom; 0 about rest; by default sqrt(2) times
-    the rms of the correction's records. `own_states`: keep those of linear effects; else they are a spring and a
-    damper.
+    the rms of the correction's records. `own_states`: keep those of linear effects; else only those that follow the
+    velocities as the radiation's do, and the others are a spring and a damper.
     """
     actives = corrected.actives(model)
     exact = [a for a in actives if a.effect.force is not None and (a.effect.linear or a.effect.family == "nominal")
-             and (own_states or not a.effect.states)]
+             and (own_states or not a.effect.states or a.effect.bind is not None)]
     found, left = jacobians(model, exact), []
     M, D, C = found.M.copy(), found.D.copy(), found.C.copy()
     for active in actives:
@@ -172,6 +175,14 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             shape[model.dofs.index(active.other)] = -1.0
         C, D = C + k * np.outer(shape, shape), D + b * np.outer(shape, shape)
     return replace(found, M=M, D=D, C=C, left_out=tuple(left))
+
+
+def with_memory(fit: RadiationFit, extra: Linear) -> RadiationFit:
+    """Return the radiation with the states that a correction adds to it, z' = Z_v v + Z_r x_r + Z_z z."""
+    n, m = len(fit.dofs), fit.states
+    _, v, _, r, z = np.split(extra.Z, [n, 2 * n, 3 * n, 3 * n + m], axis=1)
+    return fit.replace(a=np.block([[fit.a, np.zeros((m, len(z)))], [r, z]]), b=np.concatenate([fit.b, v]),
+                       c=np.concatenate([fit.c + extra.c, -extra.E], axis=1))
 
 
 def motion_of(model: Model, corrected: Corrected, active: Active,
