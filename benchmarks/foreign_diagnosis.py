@@ -73,6 +73,7 @@ def diagnosed(case: Path, **options: object) -> dict:
     names = sorted({f"{e.name}@{e.dof}" for e in found.verdict.effects})
     return {"status": found.verdict.status, "names": names, "probability": found.verdict.probability,
             "sets": found.verdict.indistinguishable, "before": found.how_far.gap_before, "dofs": model.dofs,
+            "recalibrated": found.how_far.gap_retuned,
             "after": found.how_far.gap_after, "noise": found.how_far.noise_floor,
             "seconds": time.process_time() - began,
             "rows": {f"{r.cause} {r.dof}".strip(): round(r.share, 3) for r in found.budget.rows},

@@ -130,7 +130,8 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
         matter=max(closed, default=0.0) >= rules.matters, shrinks=shrinks(ledger, rules), grows=grows,
         closes=left <= rules.unexplained or rest < rules.matters,
-        outside=rest >= rules.matters and (grows or beside.missed) and ledger.beyond >= rules.matters,
+        outside=min(rest, ledger.unexplained) >= rules.matters and (grows or beside.missed)
+        and ledger.beyond >= rules.matters,
         plausible=farthest(own, pair) <= rules.plausible,
         surprising=surprising(own, pair, rules) and ledger.before**2 - ledger.after**2 >= rules.matters**2)
 
@@ -143,7 +144,7 @@ def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], r
         status, chance, sets = "ambiguous", 0.0, tuple[Names, ...]()
     else:
         status, chance, sets = verdict(on, found, problem.model.dofs)
-    return Answer(status, (*on.named, *on.slow) if status == "effect" else (), float(chance), sets,
+    return Answer(status, on.named if status == "effect" else (), float(chance), sets,
                   tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status))
 
 
@@ -154,10 +155,11 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         return "ambiguous", min(on.chance, 0.5), on.sets
     if on.whole and (on.named or (on.slow and not on.doubtful)) and on.closes and not on.grows:
         sure, told = min(on.chance, on.worth), tuple(label(dofs, e.name, e.dof) for e in (*on.named, *on.slow))
-        if on.plausible and sure >= 0.5:
+        if on.plausible and sure >= 0.5 and not on.slow:
             return "effect", sure, with_zeros(dofs, told, on.zeros) or (on.sets if len(on.sets) > 1 else ())
-        # What is rather not there than there is no answer; where the coefficients say so, they may be the cause.
-        blamed = on.plausible and sure >= 1.0 - on.contradiction
+        # What is rather not there than there is no answer; where the coefficients say so, they may be the cause. A slow
+        # force is as well one that the library has not: wind, a ship, a load that shifts.
+        blamed = on.plausible and (sure >= 1.0 - on.contradiction or (sure >= 0.5 and bool(on.slow)))
         return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
     if on.doubtful and (not on.outside or (on.shrinks and on.closes)):
         # Effects of one set that do not stand out beside each other stand for each other, each beside those that do.

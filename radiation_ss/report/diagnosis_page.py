@@ -244,10 +244,6 @@ def sentence(found: Diagnosis) -> str:
         told = within_tolerance(found)
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
-        if any(e.name == DRIFT for e in v.effects):
-            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
-                     "each record and is explained, not predicted: whether waves, wind, a passing ship, a load that "
-                     "shifts or a sensor's zero make it, these records do not tell")
         if v.indistinguishable:
             told += f"; {also(found)}"
     elif v.status == "ambiguous" and not v.indistinguishable:
@@ -257,6 +253,10 @@ def sentence(found: Diagnosis) -> str:
                 f"`# kind: decay`; else measure {v.next_record}")
     elif v.status == "ambiguous":
         told = f"{alternatives(v.indistinguishable)}; {shrunk}"
+        if found.budget.slow and any(label.startswith(DRIFT) for names in v.indistinguishable for label in names):
+            told += (f"; {found.budget.slow:.0%} of its energy is the slow force, which has a course of its own in "
+                     "each record and is explained, not predicted: whether waves, wind, a passing ship, a load that "
+                     "shifts or a sensor's zero make it, these records do not tell")
     elif any(r.beyond > found.rules.plausible for r in found.recalibrated):
         told = ("A gap that no effect explains unless the model's own numbers are far beyond their tolerances: with "
                 f"them {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}")
