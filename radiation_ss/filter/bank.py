@@ -6,7 +6,7 @@ bank's tangents, with the lognormal prior: .2 ms a sample.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -18,7 +18,7 @@ from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter import estimate
-from radiation_ss.filter.estimate import Band, ParameterEstimate, Tabled
+from radiation_ss.filter.estimate import Band, Tabled
 from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
@@ -26,9 +26,6 @@ from radiation_ss.inference.kalman import Gaussian, predict, smooth
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.record import Record
-
-if TYPE_CHECKING:
-    import control as ct
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +109,10 @@ class PlantEstimate(Tabled):
     """What `DualEnKF.run` returns for an `UncertainPlant`."""
 
     plant: UncertainPlant
-    time: FloatArray  # (nt,) [s]
-    force: Band  # (n, nt): Wave excitation force [N, N m]
-    parameters: dict[str, ParameterEstimate]
-    members: FloatArray  # (d, n_ensemble)
-    nis: FloatArray  # (nt,): Sum of squared normalised innovations
-    used: np.ndarray  # (nt,): Channels used
-    counts: dict[str, int]  # Samples refused
-    warnings: tuple[str, ...]
 
-    @property
-    def dofs(self) -> tuple[str, ...]:
-        """Degrees of freedom."""
-        return self.plant.model(self.plant.start).dofs
-
-    def plants(self, n: int) -> "list[ct.StateSpace]":
-        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`."""
-        return estimate.plants_of(self.members, n, self.plant.model)
+    def plant_at(self, theta: FloatArray) -> Model:
+        """Return the plant at some parameters (d,)."""
+        return self.plant.model(theta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,4 +266,4 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
     said = (*doubts, *estimate.warnings_of(table, counts, record, nominal.dofs, False, None))
     band = smoothed_force(out) if smooth else Band.normal(out.force.T, out.force_std.T)
-    return PlantEstimate(plant, record.time, band, table, members, out.nis, out.used, counts, said)
+    return PlantEstimate(nominal.dofs, record.time, band, table, members, out.nis, out.used, counts, said, plant)

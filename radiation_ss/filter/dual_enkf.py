@@ -281,5 +281,6 @@ class DualEnKF:
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
         warnings = (*doubts(self.model, record), *estimate.warnings_of(
             table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset))
-        return Estimate(self.model, record.time, parts.names, out.theta.T, out.theta_std.T, members, parts, self.omega,
-                        K, A, B, force, table, prior_model, out.nis, out.taken.sum(axis=1), counts, warnings)
+        return Estimate(self.model.dofs, record.time, force, table, members, out.nis, out.taken.sum(axis=1), counts,
+                        warnings, self.model, parts.names, out.theta.T, out.theta_std.T, parts, self.omega, K, A, B,
+                        prior_model)

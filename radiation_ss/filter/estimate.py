@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -78,19 +78,30 @@ class ParameterEstimate(NamedTuple):
     upper: float
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Tabled(Shown):
-    """A result of the filter that is printed as its force, its parameters and its warnings."""
+    """What every run of the filter gives, printed as its force, its parameters and its warnings."""
 
+    dofs: tuple[str, ...]
     time: FloatArray  # (nt,) [s]
-    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
     force: Band  # (n, nt): Wave excitation force [N, N m]
     parameters: dict[str, ParameterEstimate]
+    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
+    nis: FloatArray  # (nt,): Sum of squared normalised innovations
+    used: np.ndarray  # (nt,): Channels used
+    counts: dict[str, int]  # Refused samples, repaired members, ...
     warnings: tuple[str, ...]
 
-    @property
     @abstractmethod
-    def dofs(self) -> tuple[str, ...]:
-        """Degrees of freedom."""
+    def plant_at(self, theta: FloatArray) -> Model:
+        """Return the plant at some parameters (n_theta,)."""
+
+    def plants(self, n: int) -> list[ct.StateSpace]:
+        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
+
+        InputError if the ensemble has not that many members.
+        """
+        return plants_of(self.members, n, self.plant_at)
 
     def __str__(self) -> str:
         mean, half = self.force.mean, 0.5 * (self.force.upper - self.force.lower)
@@ -108,37 +119,20 @@ class Estimate(Tabled):
     """Result of a run."""
 
     model: Model  # The filter's start
-    time: FloatArray  # (nt,) [s]
     names: tuple[str, ...]  # Of the parameters
     # theta, theta_std: Path of the parameters' mean and standard deviation, (n_theta, nt)
     theta: FloatArray
     theta_std: FloatArray
-    members: FloatArray  # (n_theta, n_ensemble): The ensemble at the end
     subsystems: Subsystems
     omega: FloatArray  # (nw,) [rad/s]
     K: ComplexArray  # (nw, n, n): At the parameters' mean
     A: Band  # (nw, n, n): Added mass
     B: Band  # (nw, n, n): Damping
-    force: Band  # (n, nt): Wave excitation force [N, N m]
-    parameters: dict[str, ParameterEstimate]
     baseline: dict[str, np.ndarray]  # The prior model: theta (n_theta,), K (nw, n, n), force (n, nt)
-    nis: FloatArray  # (nt,): Sum of squared normalised innovations
-    used: np.ndarray  # (nt,): Channels used
-    counts: dict[str, int] = field(default_factory=dict)  # Refused samples, repaired members, ...
-    warnings: tuple[str, ...] = ()
 
-    @property
-    def dofs(self) -> tuple[str, ...]:
-        """Degrees of freedom."""
-        return self.model.dofs
-
-    def plants(self, n: int) -> list[ct.StateSpace]:
-        """Return n plants of the ensemble as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
-
-        InputError if the ensemble has not that many members.
-        """
-        return plants_of(self.members, n,
-                         lambda theta: self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf)))
+    def plant_at(self, theta: FloatArray) -> Model:
+        """Return the plant at some parameters (n_theta,)."""
+        return self.model.replace(fit=self.subsystems.fit(theta, self.model.A_inf))
 
 
 def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
