@@ -16,6 +16,7 @@ from scipy.stats import t as student
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import SolverError
+from radiation_ss.filter.estimate import Z95
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.haskind import Haskind, error_bumps, receptance_times_X, relation
 from radiation_ss.identification.spectral import SpectralLikelihood
@@ -69,7 +70,6 @@ class Window:
     core: float = 10.0
     margin: float = 5.0
     most: int = 700  # Samples of one window at most; a record with more is thinned
-    tail: float = 1.959964  # Standard deviations of the band's half width
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,20 +144,20 @@ def smoothed(models: Sequence[ForceSpectra], y: FloatArray, dt: float, period: f
              cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
     """Return the force's mean and half the width of its band, each (nt, n), over the draws' models."""
     means, variances = map(np.array, zip(*(smooth_one(model, y, dt, period, cut) for model in models)))
-    return means.mean(axis=0), total_deviation(means, variances, cut)
+    return means.mean(axis=0), total_deviation(means, variances)
 
 
-def total_deviation(means: FloatArray, variances: FloatArray, cut: Window = Window()) -> FloatArray:
+def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
     """Return half the band's width about the mean of m draws (m, ...), within and between them (Rubin 1987).
 
     That of a t distribution with his degrees of freedom: a spread between few draws is itself unsure.
     """
     m, within = means.shape[0], variances.mean(axis=0)
     if m < 2:
-        return np.asarray(cut.tail * np.sqrt(within), dtype=np.float64)
+        return np.asarray(Z95 * np.sqrt(within), dtype=np.float64)
     between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m)
     freedom = (m - 1) * (1.0 + within / np.maximum(between, 1e-12 * within + 1e-300)) ** 2
-    return np.asarray(student.ppf(ndtr(cut.tail), np.minimum(freedom, 1e6)) * np.sqrt(within + between))
+    return np.asarray(student.ppf(ndtr(Z95), np.minimum(freedom, 1e6)) * np.sqrt(within + between))
 
 
 def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,

@@ -60,8 +60,7 @@ def by_dual_filter(study: Study) -> Findings:
     if len(runs) > 1:
         said[f"the dual filter takes one record at a time: the parameters are those of record {best}, which told most"
              ] = None
-    force = {name: ForceEstimate(run.time, run.force.mean, run.force.lower, run.force.upper)
-             for name, run in runs.items()}
+    force = {name: ForceEstimate(run.time, *run.force) for name, run in runs.items()}
     # How far the force is from that of parameters left at their start, relative to its rms.
     changes = {name: {"change": float(np.sqrt(np.mean((run.force.mean - run.baseline["force"]) ** 2)
                                               / np.mean(run.force.mean**2)))} for name, run in runs.items()}

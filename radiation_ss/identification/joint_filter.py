@@ -20,16 +20,6 @@ from radiation_ss.identification.study import Findings, ForceEstimate, Study, ca
 from radiation_ss.inference.laplace import find_peak, sample
 
 
-@dataclass(frozen=True)
-class Pace:
-    """How the joint filter goes through a record."""
-
-    block: float = 30.0  # Typical periods in a block
-    forget: float = 0.97  # What a block leaves of the precision of sea and noise, so that a changing sea is followed
-    draws: int = 6  # Of the parameters, for a block's force
-    longest: float = 1.0  # Longest step of a block in any parameter, in prior standard deviations
-
-
 @dataclass(frozen=True, eq=False)
 class Belief:
     """Normal distribution of [u; v] by mean and precision; of u alone a likelihood beside the prior N(0, I)."""
@@ -57,9 +47,12 @@ class Belief:
         return self.value(u, v), u - self.precision @ (u - self.mean), self.precision - np.eye(u.size)
 
 
-def by_joint_filter(study: Study) -> Findings:
-    """Return what the joint filter finds, going through the records in the order given."""
-    n, pace = study.n_u, Pace()
+def by_joint_filter(study: Study, forget: float = 0.97) -> Findings:
+    """Return what the joint filter finds, going through the records in the order given.
+
+    `forget`: what a block leaves of the precision of sea and noise, so that a changing sea is followed.
+    """
+    n = study.n_u
     body = Belief(np.zeros(n), np.eye(n))
     if study.points is not None:
         peak = find_peak(study.target([]), np.zeros(n))
@@ -68,7 +61,7 @@ def by_joint_filter(study: Study) -> Findings:
     history: dict[str, list[object]] = {"time": [], "mean": [], "std": []}
     for record in study.records:
         channels = motion_channels(study.model, record).one_each()
-        blocks = cut(channels, pace)
+        blocks = cut(channels)
         start = channels.cut(0, blocks[min(1, len(blocks) - 1)][1])
         part, warnings = spectral_likelihood(study.model, study.form, start, study.rules.tolerances["force"])
         said += [text for text in warnings if text not in said]
@@ -81,10 +74,10 @@ def by_joint_filter(study: Study) -> Findings:
                 if begin == 0:
                     part, belief = first(body, part, y, study)
                 else:  # the precision of sea and noise is let go a little, towards their prior
-                    grow = np.r_[np.ones(n), np.full(belief.mean.size - n, pace.forget**-0.5)]
+                    grow = np.r_[np.ones(n), np.full(belief.mean.size - n, forget**-0.5)]
                     belief = Belief(belief.mean, np.linalg.inv(belief.covariance * np.outer(grow, grow)))
-                    belief = updated(belief, block_likelihood(part, y), study, pace)
-            mean[begin:end], half[begin:end] = block_force(part, belief, channels, (begin, end), study, pace)
+                    belief = updated(belief, block_likelihood(part, y), study)
+            mean[begin:end], half[begin:end] = block_force(part, belief, channels, (begin, end), study)
             now = belief.of_body(n)
             count = study.rules.draws
             u = study.kept(study.rng.multivariate_normal(now.mean, now.covariance, 2 * count))[:count]
@@ -100,12 +93,12 @@ def by_joint_filter(study: Study) -> Findings:
     return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre, bands=(part.band,))
 
 
-def cut(channels: Channels, pace: Pace) -> list[tuple[int, int]]:
-    """Return (begin, end) samples of the blocks; the last takes what is left over."""
-    length = int(pace.block * channels.period / channels.dt)
+def cut(channels: Channels, periods: float = 30.0) -> list[tuple[int, int]]:
+    """Return (begin, end) samples of blocks of some typical periods; the last takes what is left over."""
+    length = int(periods * channels.period / channels.dt)
     count = max(1, channels.y.shape[0] // length)
     if length < 30 and count > 1:
-        raise InputError(f"record {channels.name}: {length / pace.block:.1f} samples in a period are too few for the "
+        raise InputError(f"record {channels.name}: {length / periods:.1f} samples in a period are too few for the "
                          "joint filter")
     ends = [length * (i + 1) for i in range(count - 1)] + [channels.y.shape[0]]
     return list(zip([0, *ends[:-1]], ends))
@@ -135,28 +128,28 @@ def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -
             Belief(draws.mean(axis=0), np.asarray(np.linalg.inv(covariance), dtype=np.float64)))
 
 
-def updated(belief: Belief, block: SpectralLikelihood, study: Study, pace: Pace) -> Belief:
+def updated(belief: Belief, block: SpectralLikelihood, study: Study, longest: float = 1.0) -> Belief:
     """Return the belief after one more block, by one scoring step (recursive maximum likelihood): peaks of short blocks
-    average the log spectrum, which is biased low.
+    average the log spectrum, which is biased low. The step is at most `longest` prior standard deviations.
     """
     n = study.n_u
     _, gradient, information = block.local(belief.mean[:n], belief.mean[n:])
     precision = belief.precision + information
     step = np.linalg.solve(precision, gradient)
-    step *= min(1.0, pace.longest / max(float(np.abs(step).max()), 1e-300))
+    step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
     while not study.allowed(belief.mean[:n] + step[:n]):
         step = 0.5 * step
     return Belief(belief.mean + step, precision)
 
 
 def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, block: tuple[int, int], study: Study,
-                pace: Pace) -> tuple[FloatArray, FloatArray]:
+                draws: int = 6) -> tuple[FloatArray, FloatArray]:
     """Return force mean and half the width of its band (nt, n) of a block from the motion up to its end."""
     window, n = Window(), study.n_u
     lead = max(0, block[0] - int(2.0 * window.margin * channels.period / channels.dt))
     y = channels.y[lead:block[1]] / part.channels.rms
-    draws = study.rng.multivariate_normal(belief.mean, belief.covariance, size=pace.draws)
-    draws = np.array([row if study.allowed(row[:n]) else belief.mean for row in draws])
-    models = [force_model(part, row[:n], row[n:]) for row in draws]
+    rows = study.rng.multivariate_normal(belief.mean, belief.covariance, size=draws)
+    allowed = [row if study.allowed(row[:n]) else belief.mean for row in rows]
+    models = [force_model(part, row[:n], row[n:]) for row in allowed]
     mean, half = smoothed(models, y, channels.dt, channels.period)
     return mean[block[0] - lead:], half[block[0] - lead:]

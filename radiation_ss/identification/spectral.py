@@ -208,13 +208,12 @@ class SpectralLikelihood:
 
 
 def spectral_likelihood(model: Model, form: Parametrisation, channels: Channels, force_error: float = 0.0, *,
-                        rules: SpectralRules | None = None) -> tuple[SpectralLikelihood, tuple[str, ...]]:
+                        rules: SpectralRules = SpectralRules()) -> tuple[SpectralLikelihood, tuple[str, ...]]:
     """Return the likelihood of one record's motion, and warnings.
 
     Of each degree of freedom displacement, else velocity, else acceleration. Gaps longer than half a period split the
     record into stretches that are taken as independent; shorter ones are filled.
     """
-    rules = rules or SpectralRules()
     channels = channels.one_each()
     w_mid, period = channels.frequency, channels.period / channels.dt
     y = np.stack([filled(column, int(rules.bridge * period), int(rules.gap_reach * period))
