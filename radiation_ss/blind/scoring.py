@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from radiation_ss.atomic import write_whole
 from radiation_ss.blind.seal import Scored, flat, read_run
@@ -62,9 +62,8 @@ def share(quantity: str, goal: str, cases: Sequence[T], hit: Callable[[T], objec
 
 def binomial_interval(hits: int, count: int) -> tuple[float, float]:
     """Return Clopper and Pearson's 95 % interval of a share: the shares that `hits` of `count` do not reject."""
-    low = float(beta.ppf(0.025, hits, count - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.975, hits + 1, count - hits)) if hits < count else 1.0
-    return low, high
+    interval = binomtest(hits, count).proportion_ci(0.95, method="exact")
+    return float(interval.low), float(interval.high)
 
 
 def caught(case: Scored, names: Sequence[str]) -> bool:
