@@ -83,12 +83,8 @@ def _law(code: int, p: FloatArray, t: float, motion: tuple[float, float, float],
 @njit(cache=True)
 def _rate(code: int, p: FloatArray, x: float, v: float, z: float, dz: float) -> tuple[float, float]:
     """Return the time derivatives of a law's own two states."""
-    if code == 11:
-        return dz, -(p[0] * (z - x) + p[1] * (dz - v)) / p[2]
-    if code == 19:
-        gap, rate = z - x, dz - v
-        force = p[0] * gap * (1.0 + (gap / p[3]) ** 2) + p[1] * rate + p[1] * abs(rate) * rate / p[4]
-        return dz, -force / p[2]
+    if code == 11 or code == 19:  # the mass feels minus the force on the body
+        return dz, -_law(code, p, 0.0, (x, v, 0.0), (z, dz), 0.0, 0.0) / p[2]
     if code == 12:
         if (z >= p[1] and v > 0.0) or (z <= -p[1] and v < 0.0):
             return 0.0, 0.0
