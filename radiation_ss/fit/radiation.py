@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 class Options:
     """How each block is fitted, and what was said of it."""
 
-    passive: bool
     method: str
     search: Search
     notes: list[str] = field(default_factory=list)
@@ -105,7 +104,7 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     notes: list[str] = [*data.notes[len(given.notes):], *choices.asymmetry_at(data, wanted)]  # of an estimate of A_inf
     parts, orders, paths = [], [], []
     for block in blocks:
-        options = Options(passive, method, Search(passive, seed), notes)
+        options = Options(method, Search(passive, seed), notes)
         problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
@@ -249,7 +248,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
     if order is not None and order > problem.x.size:
         raise InputError(f"{name}: order {order} has more coefficients than {problem.x.size} frequencies can tell; "
                          "lower the order")
-    if not options.passive or not problem.x_points.size:
+    if not options.search.passive or not problem.x_points.size:
         return problem
     values, vectors = np.linalg.eigh(problem.whole(problem.K_points.real))
     low = (values[:, 0] < -1e-9) | (values[:, 0] < 1e-8) & (values[:, -1] > rounding)
