@@ -25,8 +25,9 @@ from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID, HydroData
-from radiation_ss.hydro.files import netcdf, read_hydro
+from radiation_ss.hydro.files import read_hydro
 from radiation_ss.hydro.measures import inertia_not_symmetric
+from radiation_ss.hydro.readers.capytaine import netcdf
 from radiation_ss.reading import decoded, named_numbers, text
 
 if TYPE_CHECKING:

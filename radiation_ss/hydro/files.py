@@ -131,9 +131,4 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    write_whole(path, netcdf(data if isinstance(data, HydroData) else read_hydro(data)))
-
-
-def netcdf(data: HydroData) -> bytes:
-    """Return the content of a Capytaine dataset (.nc)."""
-    return bytes(_reader("capytaine").netcdf(data))
+    write_whole(path, _reader("capytaine").netcdf(data if isinstance(data, HydroData) else read_hydro(data)))
