@@ -28,7 +28,6 @@ class SectionSolution:
     hydro: HydroData  # Coefficients per unit length; `.hydro.times(length)` for a body
     checks: "SectionChecks"
     section: Section
-    panels: int  # On the whole contour
     far_field: FarField  # Radiated and scattered waves
 
 
@@ -112,7 +111,7 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
         A_inf=-rho * _symmetric(infinite_frequency(equations)), M=M, C=C, X=X[:, None, :],
         directions=np.array([0.5 * np.pi]), source=f"section_2d: {shape.name}",
         notes=(f"2-D panel method, {2 * mesh.size} panels; {checks}",))
-    return SectionSolution(hydro, checks, shape, 2 * mesh.size, field)
+    return SectionSolution(hydro, checks, shape, field)
 
 
 def _tracked(items: Sequence[int]) -> Iterable[int]:
