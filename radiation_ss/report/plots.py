@@ -81,9 +81,8 @@ def _pair(axis: Axes, x: np.ndarray, y: np.ndarray, fine: np.ndarray, line: np.n
 
 def _units(force: str, velocity: str) -> tuple[str, str, str]:
     """Return the units of added mass, damping and kernel of an entry."""
-    turns = (force_unit(force) == "N m") + (motion_unit(velocity) == "rad")
-    return (("kg", "kg m", "kg m²")[turns], ("kg/s", "kg m/s", "kg m²/s")[turns],
-            ("kg/s²", "kg m/s²", "kg m²/s²")[turns])
+    mass = ("kg", "kg m", "kg m²")[(force_unit(force) == "N m") + (motion_unit(velocity) == "rad")]
+    return mass, f"{mass}/s", f"{mass}/s²"
 
 
 def plot_record(record: Record, most: int = 2000) -> Figure:
