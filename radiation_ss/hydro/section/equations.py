@@ -1,9 +1,8 @@
 """The boundary-integral equations of a section: set up, solved for a block of frequencies, and integrals of them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,8 +98,7 @@ def solve(system: tuple[ComplexArray, ComplexArray], velocity: ComplexArray) -> 
     return np.asarray(np.linalg.solve(adjoint @ matrix, adjoint @ (single @ velocity)), dtype=complex)
 
 
-@dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(NamedTuple):
     """Integrals over the whole contour, for unit density; modes in the order Sway, Heave, Roll."""
 
     forces: ComplexArray  # (nw, 3, 3): int phi_j n_i ds of unit velocity in mode j
@@ -109,11 +107,6 @@ class Flow:
     # (nw, 2, 3): int (phi_n - phi d/dn) Z e^{+-i k0 y} ds of the radiation potentials, Z = cosh k0(z + h) / cosh k0 h
     kochin: ComplexArray
     kochin_scattered: ComplexArray  # (nw, 2): The same of the scattered potential
-
-    @classmethod
-    def join(cls, blocks: "Sequence[Flow]") -> "Flow":
-        """Return the blocks one after the other."""
-        return cls(*(np.concatenate([getattr(block, field.name) for block in blocks]) for field in fields(cls)))
 
 
 def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow:

@@ -140,8 +140,10 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
     mirror is the identity: the kernel is singular. A point nearer than `near_by` element lengths is near.
     """
     unit, unit_weight = _dyadic(levels, nodes)
-    fine = np.linspace(0.0, 1.0, 65)
-    found: dict[str, list[np.ndarray]] = {"target": [], "columns": [], "Q": [], "n": [], "weights": []}
+    fine, nq = np.linspace(0.0, 1.0, 65), unit.size
+    found: dict[str, list[np.ndarray]] = {
+        "target": [np.zeros(0, int)], "columns": [np.zeros((0, ORDER), int)], "Q": [np.zeros((0, nq), complex)],
+        "n": [np.zeros((0, nq), complex)], "weights": [np.zeros((0, nq, ORDER))]}
     for element, (arc, t0, t1) in enumerate(mesh.pieces):
         columns = element * ORDER + np.arange(ORDER)
         distance = np.abs(targets[:, None] - mirror(arc.curve(t0 + (t1 - t0) * fine)))
@@ -164,10 +166,6 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
             found["n"].append(-1j * slope / np.abs(slope))
             ds = np.abs(slope) * np.abs(reach[keep, None]) * unit_weight
             found["weights"].append(ds[..., None] * lagrange(mesh.local, x))
-    if not found["target"]:
-        nq = unit.size
-        return NearRule(np.zeros(0, int), np.zeros((0, ORDER), int), np.zeros((0, nq), complex),
-                        np.zeros((0, nq), complex), np.zeros((0, nq, ORDER)))
     return NearRule(**{name: np.concatenate(parts) for name, parts in found.items()})
 
 

@@ -98,7 +98,7 @@ def solve_section(section: SectionLike, omega: ArrayLike, depth: float = np.inf,
     equations = prepare(shape, mesh, depth, K_range)
     block = max(1, min(BLOCK, 1_000_000 // mesh.size ** 2))
     starts = range(0, w.size, block)
-    flow = Flow.join([solve_flow(equations, w[i:i + block], g) for i in _tracked(starts)])
+    flow = Flow(*map(np.concatenate, zip(*(solve_flow(equations, w[i:i + block], g) for i in _tracked(starts)))))
     A, B = -rho * flow.forces.real, rho * w[:, None, None] * flow.forces.imag  # p = -i w rho phi
     X = rho * flow.exciting
     field = FarField.build(w, depth, rho, g, flow.kochin, flow.kochin_scattered)
