@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -79,8 +78,7 @@ def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
     if keep.sum() < 2:
         raise InputError(f"{data.source or 'data'}: only {int(keep.sum())} frequencies would be left ({why})")
     gone = said(bands(data.omega, ~keep))
-    rows = {f.name: getattr(data, f.name)[keep] for f in fields(data)
-            if f.name in ("omega", "A", "B", "X") and getattr(data, f.name) is not None}
+    rows = {name: value[keep] for name in ("omega", "A", "B", "X") if (value := getattr(data, name)) is not None}
     return _noted(data, f"{int((~keep).sum())} of {keep.size} frequencies left out {why}: {gone}", **rows)
 
 
