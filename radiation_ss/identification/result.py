@@ -231,8 +231,8 @@ def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: Floa
     entries are pooled.
     """
     rng = np.random.default_rng(1)
-    V0 = _variance(study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega, rng))
-    V2 = _variance(K)
+    V0 = np.var(study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega, rng), axis=0)
+    V2 = np.var(K, axis=0)
     prior = _pooled(V2, V0)
     if study.points is None:
         return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
@@ -241,7 +241,8 @@ def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: Floa
     centre = u.mean(axis=0)
     jacobian = study.points.jacobian(centre)
     covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
-    before_data = np.maximum(_pooled(V2, _variance(study.draws_of_K(covariance, centre, omega, rng))), prior)
+    V1 = np.var(study.draws_of_K(covariance, centre, omega, rng), axis=0)
+    before_data = np.maximum(_pooled(V2, V1), prior)
     return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
 
 
@@ -250,10 +251,6 @@ def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
     used = large > 0.0
     ratio = np.divide(small, large, out=np.ones_like(large), where=used)
     return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)
-
-
-def _variance(K: ComplexArray) -> FloatArray:
-    return np.asarray(np.var(K.real, axis=0) + np.var(K.imag, axis=0), dtype=np.float64)
 
 
 def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str, float]],
