@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.linear_waves import wave_number
 from radiation_ss.waves.realise import Sea, harmonics
 
 G = 9.81

@@ -5,7 +5,7 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "clean": "velocity_transform",
     "findings": "Finding QualityReport",
-    "section.green": "group_velocity wave_number",
+    "linear_waves": "group_velocity wave_number",
     "section.shapes": "box_section circle_section points_section read_section",
     "section.solver": "solve_section",
     "section.strips": "strip_theory",

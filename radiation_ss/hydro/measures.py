@@ -7,7 +7,7 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
 from radiation_ss.hydro.data import HydroData, body, mode, motion_unit
 from radiation_ss.hydro.findings import Finding
-from radiation_ss.hydro.section.green import group_velocity, wave_number
+from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 
 REVERSED = ("in long waves the horizontal wave force lags the elevation by a quarter period where it must lead: the "
             "phases are those of exp(-i w t) (then data.replace(X=data.X.conj())), or the headings are where waves "

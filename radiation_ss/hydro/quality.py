@@ -14,6 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData, body, mode
 from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
+from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 from radiation_ss.hydro.measures import (
     REVERSED,
     bands,
@@ -33,7 +34,6 @@ from radiation_ss.hydro.measures import (
     unstable_text,
     worst,
 )
-from radiation_ss.hydro.section.green import group_velocity, wave_number
 from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
 
 

@@ -8,7 +8,7 @@ from scipy.linalg import null_space
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.hydro.section.green import group_velocity, wave_number
+from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 from radiation_ss.identification.sea import bumps_about
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import interpolate

@@ -10,7 +10,7 @@ from scipy.signal import lfilter, lfiltic
 
 from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import group_velocity, wave_number
+from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 from radiation_ss.records.convert import as_record
 from radiation_ss.records.csv_files import number_in
 from radiation_ss.records.record import Record

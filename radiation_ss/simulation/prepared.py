@@ -12,7 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.hydro.section.green import profile, wave_number
+from radiation_ss.hydro.linear_waves import profile, wave_number
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.probe import check_elevation_at_body
 from radiation_ss.records.record import Record

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.section.green import wave_number
+from radiation_ss.hydro.linear_waves import wave_number
 
 
 def encounter_frequency(omega: ArrayLike, speed: float, heading: float = np.pi, *, depth: float = np.inf,

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from radiation_ss.arrays import ComplexArray, FloatArray, positive
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
+from radiation_ss.hydro.linear_waves import wave_number
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
-from radiation_ss.hydro.section.green import wave_number
 
 IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")

@@ -8,6 +8,7 @@ import numpy as np
 
 import radiation_ss.hydro.section.green as green
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.hydro.linear_waves import profile, wave_number
 from radiation_ss.hydro.section import panels
 from radiation_ss.hydro.section.panels import Mesh, NearRule
 from radiation_ss.hydro.section.shapes import Section
@@ -114,7 +115,7 @@ def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow
     mesh = equations.mesh
     K = omega ** 2 / g
     systems = layers_by_parity(equations, K)
-    waves = _standing_waves(mesh, green.wave_number(K, equations.depth), equations.depth)
+    waves = _standing_waves(mesh, wave_number(K, equations.depth), equations.depth)
     amplitude = (1j * g / omega)[:, None]
     phase = {True: amplitude, False: -1j * amplitude}  # e^{-i k0 y} = cos - i sin
     radiated, total, kochin = {}, {}, {}
@@ -165,6 +166,6 @@ def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> dict[bool, tupl
     k = k0[:, None]
     y, z = mesh.points.real, mesh.points.imag
     ny, nz = mesh.normals.real, mesh.normals.imag
-    Z, dZ = green.profile(k, depth, z)
+    Z, dZ = profile(k, depth, z)
     c, s = np.cos(k * y), np.sin(k * y)
     return {True: (Z * c, dZ * c * nz - k * Z * s * ny), False: (Z * s, dZ * s * nz + k * Z * c * ny)}

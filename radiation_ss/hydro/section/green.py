@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import exp1
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.hydro.linear_waves import depth_ratio, group_velocity, wave_number
 
 
 def rankine(unit: float, P: ComplexArray, Q: ComplexArray, n: ComplexArray) -> tuple[FloatArray, FloatArray]:
@@ -48,45 +49,9 @@ def scaled_exp1(s: ComplexArray) -> ComplexArray:
     return np.where(far, series, np.exp(near) * exp1(near))
 
 
-def wave_number(K: FloatArray, depth: float) -> FloatArray:
-    """Return k0 of k tanh(k h) = K = omega^2 / g, to rounding; K itself in deep water.
-
-    Newton's method from Fenton & McKee's (1990) start.
-    """
-    K = np.asarray(K, dtype=float)
-    if np.isinf(depth):
-        return K
-    target = K * depth
-    x = target / np.tanh(target ** 0.75) ** (2.0 / 3.0)
-    for _ in range(6):
-        t = np.tanh(x)
-        x = x - (x * t - target) / (t + x * (1.0 - t * t))
-    return x / depth
-
-
-def profile(k0: FloatArray, depth: float, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return cosh k0(z + h) / cosh k0 h, e^{k0 z} in deep water, and its derivative k0 sinh k0(z + h) / cosh k0 h."""
-    deep = np.exp(k0 * z)
-    if np.isinf(depth):
-        return deep, k0 * deep
-    deep, image = deep / (1.0 + np.exp(-2.0 * k0 * depth)), np.exp(-2.0 * k0 * (z + depth))
-    return deep * (1.0 + image), k0 * deep * (1.0 - image)
-
-
-def group_velocity(omega: FloatArray, k0: FloatArray, depth: float) -> FloatArray:
-    """Return the group velocity c_g [m/s]."""
-    return 0.5 * omega / k0 * (1.0 + _depth_ratio(k0, depth))
-
-
 def far_field_factor(k0: FloatArray, depth: float) -> FloatArray:
     """Return N of G -> 2 pi i N Z(z_P) Z(z_Q) e^{-i k0 |X|} far away, Z = `profile`; 1 in deep water."""
-    return np.ones_like(k0) if np.isinf(depth) else 1.0 / (np.tanh(k0 * depth) * (1.0 + _depth_ratio(k0, depth)))
-
-
-def _depth_ratio(k0: FloatArray, depth: float) -> FloatArray:
-    """Return 2 k0 h / sinh(2 k0 h)."""
-    x = 2.0 * k0 * depth
-    return np.zeros_like(k0) if np.isinf(depth) else 2.0 * x * np.exp(-x) / -np.expm1(-2.0 * x)
+    return np.ones_like(k0) if np.isinf(depth) else 1.0 / (np.tanh(k0 * depth) * (1.0 + depth_ratio(k0, depth)))
 
 
 @dataclass(frozen=True, eq=False)
