@@ -68,8 +68,13 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
 
 
 def probe_place(record: Record) -> float:
-    """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none."""
-    return number_in(record.meta.get("probe", "nan"), "m")
+    """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none, or only a name."""
+    stated = str(record.meta.get("probe", "nan"))
+    place = number_in(stated, "m")
+    if np.isnan(place) and stated.strip()[:1] in set("+-.0123456789"):
+        raise InputError(f"record {record.name}: comment 'probe': {stated!r} is no place [m] along the waves, the body "
+                         "at 0; write metres, for example -1.5")
+    return place
 
 
 def check_elevation_at_body(record: Record) -> None:
