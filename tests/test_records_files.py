@@ -61,6 +61,14 @@ def test_gzip_of_one_record_is_the_same_file_each_time(tmp_path):
     assert (tmp_path / "a.csv.gz").read_bytes() == (tmp_path / "b.csv.gz").read_bytes()
 
 
+def test_comments_may_have_a_unit_behind_the_key_and_any_case(tmp_path):
+    path = written(tmp_path, "# speed [m/s]: 2\n# Probe [m]: -1.5\n# HEADING: 90\ntime [s],Heave [m]\n0,1\n1,2\n")
+    record = rss.read_record(path)
+    assert record.speed == 2.0 and dict(record.meta) == {"probe": "-1.5 m", "heading": "90"}
+    with pytest.raises(rss.InputError, match="comment 'speed': '4 kn' found, m/s needed"):
+        rss.read_record(written(tmp_path, "# speed [kn]: 4\ntime [s],Heave [m]\n0,1\n1,2\n"))
+
+
 def test_comments_several_rates_and_spellings(tmp_path):
     path = written(tmp_path, "\ufeff# kind: waves\n# name: sea 3\n# start: 2018-04-11\n# probe: wp4, north\n"
                              "time [s],Roll[rad], Roll_force [Nm],Sway_acceleration [m/s²]\n"

@@ -32,7 +32,8 @@ PACKED = 200             # times its size that a gzipped file of more than 100 P
 Table = tuple[dict[str, FloatArray], list[Column], Callable[[int], int], dict[str, str]]
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 OWN = ("kind", "name", "start", "speed", "dofs")  # comments that are fields of a record
-_COMMENT = re.compile(r"^\s*#\s*(?P<key>[A-Za-z][\w .-]*?)\s*:\s*(?P<value>.*?)\s*$", re.DOTALL)
+_COMMENT = re.compile(r"^\s*#\s*(?P<key>[A-Za-z][\w .-]*?)\s*(\[(?P<unit>[^][:]*)\])?\s*:\s*(?P<value>.*?)\s*$",
+                      re.DOTALL)
 _SPEED = re.compile(r"^\s*(?P<value>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)(?P<unit>[^\d]*)$", re.ASCII)
 
 
@@ -247,8 +248,10 @@ def write_csv(path: Path, columns: Mapping[str, FloatArray], header: Sequence[st
 def comment_of(line: str) -> tuple[str, str] | None:
     """Return key and value of a comment; None if the line is another remark. Spreadsheets end it with separators.
 
-    >>> comment_of("# Kind: decay;;;"), comment_of("# made in May")
-    (('kind', 'decay'), None)
+    A unit behind the key, as columns have it, goes behind the value.
+
+    >>> comment_of("# Kind: decay;;;"), comment_of("# speed [m/s]: 2"), comment_of("# made in May")
+    (('kind', 'decay'), ('speed', '2 m/s'), None)
     """
     match = _COMMENT.match(line.rstrip(",;\t "))
     if match is None:
@@ -259,6 +262,8 @@ def comment_of(line: str) -> tuple[str, str] | None:
             value = str(json.loads(value))
         except ValueError:
             pass
+    if match["unit"]:
+        value = f"{value} {match['unit'].strip()}"
     return (key.lower() if key.lower() in OWN else key), value
 
 

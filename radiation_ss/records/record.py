@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 LARGEST = 1e60  # that a sensor may read: powers of larger numbers overflow
+PLACES = ("probe", "heading")  # keys of meta that are read, in any case
 KINDS = ("decay", "waves", "motion-only", "forced", "prescribed", "static")
 
 
@@ -102,7 +103,8 @@ class Record(Shown):
             raise InputError(f"record {self.name}: kind decay states that no force acts, but {pushed[0]} is not zero")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "channels", FrozenMap(channels))
-        object.__setattr__(self, "meta", FrozenMap(self.meta))
+        object.__setattr__(self, "meta", FrozenMap({key.lower() if str(key).lower() in PLACES else key: value
+                                                    for key, value in self.meta.items()}))
         object.__setattr__(self, "units", FrozenMap(own_dofs(self.units)))
         if self.kind == "prescribed" and all(c == "wave_elevation" or c.endswith("_force") for c in channels):
             raise InputError(f"record {self.name}: kind prescribed states that the motion is given, but no channel "
