@@ -63,6 +63,17 @@ def test_a_direction_is_not_guessed():
             rss.simulate(model, rss.Record(run.time, run.channels, meta={"heading": stated}))
 
 
+def test_a_body_under_way_meets_waves_at_other_frequencies_than_those_of_X():
+    waves = {"wave_elevation": 0.01 * np.cos(5.0 * TIME), "Heave": 0.01 * np.cos(5.0 * TIME)}
+    run = rss.Record(TIME, waves, name="run 3", speed=0.5)
+    for call in (lambda: rss.simulate(body(1.0), run), lambda: rss.diagnose(body(1.0), run),
+                 lambda: rss.identify(body(1.0), run, "prediction-error")):
+        with pytest.raises(rss.InputError, match=r"run 3: speed 0.5 m/s, .*encounter_frequency"):
+            call()
+    known = rss.Record(TIME, {**waves, "Heave_force": np.sin(5.0 * TIME)}, kind="waves", speed=0.5)
+    assert rss.simulate(body(1.0), known).outputs.shape[1] == TIME.size
+
+
 def test_directions_that_are_alike_need_no_word():
     record = rss.Record(TIME, {"wave_elevation": np.cos(5.0 * TIME)})
     alike, one = (rss.simulate(model, record).outputs for model in (body(100.0, 100.0), body(100.0)))

@@ -49,9 +49,13 @@ def computed(model: Model, record: Record) -> bool:
 
 
 def force_of_waves(model: Model, record: Record) -> ComplexArray:
-    """Return X (nw, n) of the direction that the record's waves go to."""
+    """Return X (nw, n) of the direction that the record's waves go to; InputError if the body is under way."""
     known = model.hydro
     assert known is not None and known.X is not None
+    if record.speed != 0.0:
+        raise InputError(f"record {record.name}: speed {record.speed:g} m/s, but X makes the force of waves on a body "
+                         "at rest, and one under way meets them at another frequency (encounter_frequency); give the "
+                         "force in columns <Dof>_force [N, N m]")
     if known.X.shape[1] == 1 and "heading" not in record.meta:
         return known.X[:, 0]
     return transfer(known, known.omega, heading(model, record))
