@@ -55,6 +55,14 @@ def test_headings_all_round_close_the_circle():
     assert transfer(data, w, headings[-1]) == pytest.approx(data.X[10:12, -1], rel=1e-9)
 
 
+def test_beam_seas_are_not_the_mean_of_head_and_following_seas():
+    two = body(np.radians([0.0, 180.0]))
+    for angle, at in ((0.0, 0), (np.pi, 1), (-np.pi, 1)):
+        assert transfer(two, OMEGA, angle) == pytest.approx(two.X[:, at], rel=1e-9)
+    with pytest.raises(rss.InputError, match="90 deg lies between 0 and 180 deg"):
+        transfer(two, OMEGA, np.pi / 2.0)
+
+
 def test_probe_sees_the_wave_of_the_dispersion_relation():
     depth, w = 0.8, single(16, 1.0).omega[16]
     k = brentq(lambda k: 9.81 * k * np.tanh(k * depth) - w**2, 1e-6, 100.0, xtol=1e-14)

@@ -101,7 +101,12 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
     at = bring_into(direction, known)
     right = min(int(np.searchsorted(known, at)), known.size - 1)
     left = max(right - 1, 0)
-    share = (at - known[left]) / (known[right] - known[left]) if right > left else 1.0
+    apart = known[right] - known[left]
+    if apart > 0.5 * np.pi + 1e-9 and min(at - known[left], known[right] - at) > 1e-9:
+        raise InputError(f"direction: {np.degrees(direction):.4g} deg lies between {np.degrees(known[left]):.4g} and "
+                         f"{np.degrees(known[right]):.4g} deg, the closest ones of X, more than a right angle apart; a "
+                         "force is not linear over so much; give X for more directions")
+    share = (at - known[left]) / apart if right > left else 1.0
     X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
     return between(data.omega, X, np.asarray(omega, dtype=float))
 
