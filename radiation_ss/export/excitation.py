@@ -40,7 +40,7 @@ class ExcitationFit(Brief):
 
     def __str__(self) -> str:
         error = "not known" if np.isnan(self.relative_error) else f"{self.relative_error:.3f}"
-        return (f"ExcitationFit of {', '.join(self.dofs)}: {self.a.shape[0]} states, waves from "
+        return (f"ExcitationFit of {', '.join(self.dofs)}: {self.a.shape[0]} states, waves to "
                 f"{np.degrees(self.direction):g} deg, elevation {self.lead:g} s ahead, relative error {error}")
 
     def frequency_response(self, omega: ArrayLike) -> ComplexArray:
