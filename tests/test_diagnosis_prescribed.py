@@ -115,6 +115,28 @@ def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
     assert effect.name == "linear_stiffness" and effect.parameters["stiffness"][0] == pytest.approx(8e4, rel=0.01)
 
 
+def trimmed(k3, noise=2e-3):
+    """A floating body with its centre of flotation off the origin, pulled and trimmed: heave follows without a load."""
+    rigid = rss.RadiationFit(("Surge", "Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), 0)
+    stiff = np.array([[3e4, 0.0, 0.0], [0.0, 1.6e6, 4.7e6], [0.0, 4.7e6, 6.1e7]])
+    model = rss.Model(rigid.dofs, np.diag([5e5, 5e5, 3e7]), np.diag([1e5, 6e5, 1e7]), stiff, rigid)
+    pull = np.concatenate([np.linspace(0.0, 6e4, 7), -np.linspace(1e4, 6e4, 6)])
+    loads = np.stack([pull, 0.0 * pull, 50.0 * pull])
+    x = np.linalg.solve(stiff, loads)
+    x[0] = [next(r.real for r in np.roots([k3, 0.0, 3e4, -f] if k3 else [3e4, -f]) if abs(r.imag) < 1e-9) for f in pull]
+    x += noise * np.abs(x).max(axis=1, keepdims=True) * np.random.default_rng(0).standard_normal(x.shape)
+    named = zip(rigid.dofs, x, loads)
+    return model, rss.Record(np.arange(13.0), {name: value for dof, y, f in named for name, value in
+                                               ((dof, y), (f"{dof}_force", f))}, kind="static", name="trim")
+
+
+@pytest.mark.parametrize("k3, told", [(0.0, []), (8e3, [("cubic_stiffness", "Surge")])])
+def test_a_motion_that_follows_without_a_load_has_its_size_by_the_restoring_force(k3, told):
+    found = rss.diagnose(*trimmed(k3))
+    assert [(e.name, e.dof) for e in found.verdict.effects] == told
+    assert found.how_far.gap_after < 0.01 and (found.how_far.gap_before > 0.1) == bool(told)
+
+
 @pytest.mark.parametrize("factors, words", [
     ((180.0 / np.pi, 1.0), "Roll in degrees"), ((-1.0, 1.0), "goes against the load"),
     ((1.0, 1e-3), "Roll_force in N m")])

@@ -153,7 +153,8 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problems, pair, error) for error in given]
     # A gap relative to a motion that its sensor cannot see is none.
-    seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if np.var(e.measured) > sd**2] or list(range(len(given)))
+    seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if max(float(np.var(e.measured)), e.least**2) > sd**2]
+    seen = seen or list(range(len(given)))
 
     def predict_seen(parts: frozenset[int]) -> list[Error]:
         errors = predict(parts)
@@ -168,7 +169,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
 
 def grown(error: Error, times: float = 100.0) -> bool:
     """Whether a prediction has left the motion by so many times its size."""
-    return bool(np.abs(error.error).max() > times * np.abs(error.measured).max())
+    return bool(np.abs(error.error).max() > times * max(np.abs(error.measured).max(), error.least))
 
 
 def place(active: Active) -> str:

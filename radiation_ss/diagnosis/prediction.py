@@ -30,6 +30,8 @@ class Error:
     quantity : str
         displacement, velocity, acceleration, or force where the motion is prescribed.
     time, measured, error : ndarray, shape (nk,)
+    least : float
+        Root mean square that the signal counts as at least: a static load may be zero where the others move the body.
     """
 
     record: str
@@ -38,6 +40,7 @@ class Error:
     time: FloatArray
     measured: FloatArray
     error: FloatArray
+    least: float = 0.0
 
 
 def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
@@ -102,8 +105,10 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
     edge = 0 if motion.record.kind == "static" else max(size, 1)
     inner = slice(edge, motion.time.size - edge)
+    held = motion.x * np.diag(model.C)[:, None] if motion.record.kind == "static" else 0.0 * motion.x
     return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
-                  (motion.force - force)[i, inner]) for i in np.flatnonzero(motion.free)]
+                  (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))))
+            for i in np.flatnonzero(motion.free)]
 
 
 def gap_of(errors: Sequence[Error]) -> float:
@@ -120,7 +125,8 @@ def energy(errors: Sequence[Error], sizes: Mapping[tuple[str, int], float] | Non
     total = dict.fromkeys(signals, 0.0)
     for e, signal in zip(errors, signals):
         own = float(np.sum((e.measured - mean_of(e)) ** 2))
-        total[signal] += max(own, (sizes or {}).get((e.record, e.dof), 0.0) * e.measured.size)
+        least = max(e.least**2, (sizes or {}).get((e.record, e.dof), 0.0))
+        total[signal] += max(own, least * e.measured.size)
     return np.array([np.sum(e.error**2) / max(total[s], 1e-300) / len(total) for e, s in zip(errors, signals)])
 
 
