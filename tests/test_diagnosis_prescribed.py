@@ -137,6 +137,17 @@ def test_a_motion_that_follows_without_a_load_has_its_size_by_the_restoring_forc
     assert found.how_far.gap_after < 0.01 and (found.how_far.gap_before > 0.1) == bool(told)
 
 
+def test_a_body_that_is_inclined_heaves_though_no_column_says_so():
+    """As `simulate` has it: pitch about a point that is not the centre of flotation is softer than with heave held."""
+    model, record = trimmed(0.0)
+    seen = rss.Record(record.time, {c: v for c, v in record.channels.items() if not c.startswith("Heave")},
+                      kind="static")
+    held = seen.channels["Pitch_force"] - model.C[2, 2] * seen.channels["Pitch"]
+    assert held.std() > 0.2 * seen.channels["Pitch_force"].std()
+    found = rss.diagnose(model, seen)
+    assert found.verdict.status == "no_gap" and found.how_far.gap_before < 0.01
+
+
 @pytest.mark.parametrize("factors, words", [
     ((180.0 / np.pi, 1.0), "Roll in degrees"), ((-1.0, 1.0), "goes against the load"),
     ((1.0, 1e-3), "Roll_force in N m")])

@@ -63,7 +63,7 @@ class MeasuredMotion:
     x: FloatArray
     v: FloatArray
     a: FloatArray
-    free: np.ndarray  # (n,): Degrees of freedom that are measured; the others are held
+    free: np.ndarray  # (n,): Degrees of freedom that are measured; the others are held, but see `followed`
     force: FloatArray | None  # (n, nt): Known exciting force; the measured total force where the motion is prescribed
     # memory, radiation (n, nt), (m, nt): Radiation force and states along the motion
     memory: FloatArray
@@ -168,8 +168,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                 tops[i] = clear_up_to(grid, f, omega[i], resolution.white, top)
     if still:
         states = np.zeros((model.fit.states, time.size))
-        x, a = raw, np.zeros_like(raw)
         v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s[0]) for row, s in zip(raw, noise))))
+        x = raw = followed(model, record, raw)
+        a = np.zeros_like(raw)
     else:
         x, v, a = smoothed(raw, dt, length, tops, omega if record.kind == "decay" else None)
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
@@ -180,6 +181,15 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
                           noise, omega, reach, basis, extra, waves[0], waves[1], waves[2:], steps)
+
+
+def followed(model: Model, record: Record, x: FloatArray) -> FloatArray:
+    """Return places (n, nt) of a static test, with those that it has no columns of where the model comes to rest."""
+    without = np.array([dof not in record.dofs for dof in model.dofs])
+    free, given = np.flatnonzero(without), np.flatnonzero(~without)
+    found = np.array(x)
+    found[free] = -np.linalg.pinv(model.C[np.ix_(free, free)]) @ model.C[np.ix_(free, given)] @ x[given]
+    return found
 
 
 def parted(model: Model, record: Record, resolution: Resolution | None = None,
