@@ -149,3 +149,14 @@ def memory(factors, numerator):
     b[-1, 0] = 1.0
     c[0, :numerator.order + 1] = numerator.coeffs[::-1]
     return RadiationFit(("Heave",), a, b, c, order=r)
+
+
+@pytest.mark.filterwarnings("error")
+def test_draws_of_several_motions_that_are_far_from_passive_are_refused_without_a_warning():
+    rng, names = np.random.default_rng(0), ("Surge", "Heave", "Pitch", "Sway")
+    skew, b = rng.standard_normal((8, 8)), rng.standard_normal((8, 4))
+    fit = RadiationFit(names, skew - skew.T - np.diag(rng.uniform(0.2, 2.0, 8)), b, b.T, 2)
+    form = parametrise(fit, np.eye(4), 0.15)
+    theta = form.theta(6.0 * rng.standard_normal((400, form.active.size)))
+    proved = np.array([form.realise(row).passive for row in theta])
+    assert not (proved & ~passive(form, theta)).any() and not passive(form, theta).all()

@@ -29,12 +29,15 @@ def passive(form: Parametrisation, theta: FloatArray, slack: float = PASSIVE, ch
 
 
 def positive_definite(matrices: FloatArray) -> np.ndarray:
-    """Return which symmetric matrices, shape (..., n, n), are positive (semi)definite: no pivot is negative."""
+    """Return which symmetric matrices, shape (..., n, n), are positive (semi)definite: no pivot is negative, and what
+    stands beside one that is zero is zero, too.
+    """
     good, left = np.ones(matrices.shape[:-2], dtype=bool), matrices
     while left.shape[-1]:
         pivot, column = left[..., 0, 0], left[..., 1:, 0]
-        good &= pivot >= 0.0
-        left = left[..., 1:, 1:] - column[..., :, None] * (column / np.maximum(pivot, 1e-300)[..., None])[..., None, :]
+        good &= (pivot > 0.0) | ((pivot == 0.0) & ~column.any(axis=-1))
+        by = column / np.where(good, np.maximum(pivot, 1e-300), np.inf)[..., None]
+        left = left[..., 1:, 1:] - column[..., :, None] * by[..., None, :]
     return good
 
 
