@@ -115,6 +115,21 @@ def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
     assert effect.name == "linear_stiffness" and effect.parameters["stiffness"][0] == pytest.approx(8e4, rel=0.01)
 
 
+def test_motions_that_the_rig_holds_need_no_force():
+    """A rig logs all its axes: those that stand still, all zero, are not predicted."""
+    rigid = rss.RadiationFit(("Sway", "Heave"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    model = rss.Model(rigid.dofs, np.diag([40.0, 40.0]), np.diag([20.0, 30.0]), np.diag([0.0, 2300.0]), rigid)
+    w, rng = np.array([3.0, 4.5, 7.0]), np.random.default_rng(0)
+    x, v, a = (0.02 * np.sum([w[k]**n * np.cos(w[k] * TIME + k + n * np.pi / 2.0) for k in range(3)], axis=0)
+               for n in range(3))
+    force = 70.0 * a + 2300.0 * x + 300.0 * np.abs(v) * v
+    channels = {"Heave": x, "Heave_force": force + 2e-3 * force.std() * rng.standard_normal(TIME.size)}
+    found = rss.diagnose(model, rss.Record(TIME, {**channels, "Sway": 0.0 * TIME}, kind="prescribed"))
+    assert [(e.name, e.dof) for e in found.verdict.effects] == [("quadratic_drag", "Heave")]
+    with pytest.raises(rss.InputError, match="Sway_force has 0 samples"):
+        rss.diagnose(model, rss.Record(TIME, {**channels, "Sway": x}, kind="prescribed"))
+
+
 def trimmed(k3, noise=2e-3):
     """A floating body with its centre of flotation off the origin, pulled and trimmed: heave follows without a load."""
     rigid = rss.RadiationFit(("Surge", "Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((3, 0)), 0)

@@ -16,6 +16,7 @@ from radiation_ss.hydro.linear_waves import profile, wave_number
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.probe import check_elevation_at_body
 from radiation_ss.records.record import Record
+from radiation_ss.records.signals import columns_of
 from radiation_ss.simulation.headings import force_of_waves, heading
 from radiation_ss.simulation.measured import unsure_edge
 from radiation_ss.waves.force import on_all
@@ -165,7 +166,7 @@ def exciting_force(model: Model, record: Record) -> tuple[CubicSpline, ...] | No
             there = np.isfinite(row)
             if there.sum() < (2 if record.kind == "static" else 4):
                 # What no column holds is zero, or that of a motion that stands still and is not asked for.
-                if record.kind not in ("decay", "static") and (record.kind != "prescribed" or dof in record.dofs):
+                if record.kind not in ("decay", "static") and (record.kind != "prescribed" or columns_of(record, dof)):
                     measured = tuple(d for d in model.dofs if d in record.dofs)
                     fewer = ("" if dof in record.dofs or not measured else
                              f"; a model of what it measures: read_model(path, dofs={measured})")
