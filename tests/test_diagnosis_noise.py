@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 import radiation_ss as rss
 from radiation_ss.diagnosis import contradiction
+from radiation_ss.inference import measured_motion
 
 
 def roll():
@@ -242,6 +243,12 @@ def test_what_contradicts_itself_is_told_of_the_coefficients(share):
                       hydro=data.replace(B=B))
     # Of the damping of the two motions themselves, and where it makes the damping negative by that.
     assert 0.8 * share <= contradiction(model) <= 2.0 * share
+    time, met = np.arange(0.0, 200.0, 0.1), []
+    for w in (4.0, 10.0):  # where it is, and where no coefficient is off
+        swing = np.stack([np.cos(w * time), np.sin(w * time)])
+        record = rss.Record(time, dict(zip(data.dofs, swing)), kind="motion-only")
+        met.append(contradiction(model, [measured_motion(model, record)]))
+    assert met[0] >= 0.75 * share and met[1] <= 0.05 * share
 
 
 @pytest.mark.parametrize("duration", [120.0, 300.0])

@@ -10,6 +10,7 @@ from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
+from radiation_ss.diagnosis import Rules
 
 DRAG = [("quadratic_drag", "Heave", {"coefficient": 300.0})]
 CUBIC = [("cubic_stiffness", "Heave", {"stiffness": 2.5e5})]
@@ -23,6 +24,13 @@ def names(found):
 def test_a_body_without_an_effect_has_none(seed):
     found = rss.diagnose(*tank_case([], seed))
     assert not names(found) and found.verdict.status in ("no_gap", "ambiguous")
+
+
+def test_what_the_score_test_does_not_rank_is_tried_beside_no_effect():
+    rules = replace(Rules(), search=replace(Rules().search, width=0))
+    considered = ["quadratic_drag", "cubic_stiffness", "added_inertia"]
+    found = rss.diagnose(*tank_case(CUBIC, 1), effects=considered, rules=rules)
+    assert names(found) == {"cubic_stiffness"}
 
 
 @pytest.mark.parametrize("seed", range(1, 4))

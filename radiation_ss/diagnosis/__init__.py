@@ -6,5 +6,6 @@ __getattr__, __all__ = door(__name__, {
     "conclusion": "contradiction Grounds unit_of verdict",
     "prediction": "Error",
     "result": "Named",
+    "rules": "Rules",
     "shares": "budget Row shapley",
 })

@@ -40,6 +40,7 @@ from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
 from radiation_ss.inference.candidates import Key, from_regression
+from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
 from radiation_ss.simulation.corrected import Corrected
@@ -188,12 +189,25 @@ def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> li
     return [dof for dof in found.problem.model.dofs if chance.get(dof, 0.0) >= rules.sure]
 
 
-def contradiction(model: Model) -> float:
-    """Return by how much the model's coefficients are not symmetric or not passive, of their largest damping."""
-    if model.hydro is None:
+def contradiction(model: Model, runs: Sequence[MeasuredMotion] = ()) -> float:
+    """Return by how much the model's coefficients are not symmetric or not passive, of their largest damping.
+
+    Root mean square over the frequencies of the motions, by the power that the largest damping takes there; the largest
+    one without a motion.
+    """
+    data = model.hydro
+    if data is None:
         return 0.0
-    found = [f.value for f in model.hydro.check().findings if f.problem and f.kind in ("negative damping", "asymmetry")]
-    return float(np.clip(max(map(abs, found), default=0.0), 0.0, 1.0))
+    report = data.check()
+    if not any(f.problem and f.kind in ("negative damping", "asymmetry") for f in report.findings):
+        return 0.0
+    off = np.clip(np.maximum(-report.smallest_eigenvalue, report.asymmetry), 0.0, 1.0)
+    damping, energy, met = np.einsum("wii->wi", data.B).max(axis=0), 0.0, 0.0
+    for run in runs:
+        power = damping @ np.abs(np.fft.rfft(run.v, axis=1)) ** 2
+        there = np.interp(2.0 * np.pi * np.fft.rfftfreq(run.time.size, run.dt), data.omega, off)
+        energy, met = energy + float(power.sum()), met + float(power @ there**2)
+    return float(np.sqrt(met / energy) if energy > 0.0 else off.max())
 
 
 def shrinks(ledger: Budget, rules: Rules) -> bool:

@@ -146,10 +146,10 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     else:
         heads, tails = split(given, rules.tail)
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
-    data, notes = replace(data, contradiction=contradiction(model), drifts=bool(drifts)), [*notes, *said]
+    data, notes = replace(data, contradiction=contradiction(model, problem.runs), drifts=bool(drifts)), [*notes, *said]
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
-                 "their largest damping (hydro.check() says where): no name is surer than they are."]
+                 "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
     return concluded(problem, found, hidden, data, rules).with_notes(notes)
 
 

@@ -196,9 +196,13 @@ def exchanges(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
               fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
     """Return the sets without one effect, and with another in the place of one that it may stand for.
 
-    Two effects that the records cannot tell apart are never both in a set, and without either it is far behind.
+    Two effects that the records cannot tell apart are never both in a set, and without either it is far behind. Beside
+    no effect each one stands: the score test looks at small ones, and a strong one may change the impedance.
     """
     found = one_less(parent, fixed)
+    if not found:
+        columns = joined([problem.base, *(term.columns for term in parent.terms)])
+        return [(*parent.terms, term) for _, term in promise(problem, parent, columns, terms, rules).values()]
     for rest in tuple(found):
         (out,) = set(parent.terms) - set(rest)
         columns = joined([problem.base, *(term.columns for term in rest)])
