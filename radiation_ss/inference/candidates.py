@@ -108,8 +108,9 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
     symbols: dict[int, Symbols] = {}  # by the number of own states, which goes with the shape where there is a memory
     for shape in shapes:
         active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other).bound(problem.model)
-        symbols.setdefault(active.effect.states, Symbols(problem.model, active))
-        columns = term_columns(problem, active, slabs, symbols[active.effect.states])
+        if (own := active.effect.states) not in symbols:
+            symbols[own] = Symbols(problem.model, active)
+        columns = term_columns(problem, active, slabs, symbols[own])
         if columns is not None:
             yield Term(active, columns, len(shapes))
 

@@ -134,7 +134,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
             tried |= {frozenset(t) for t in wanted}
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False, near=parent)
                      for t in wanted]
-            if next_to is exchanges and not one_less(parent, fixed):  # a strong effect tells at once
+            if not (parents or one_less(parent, fixed)):  # a strong effect tells at once
                 rough = [c for c in rough if c.log_probability > parent.log_probability]
             top = max((c.log_probability for c in rough), default=0.0) - rules.slack
             for c in rough:

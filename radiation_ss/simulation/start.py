@@ -179,8 +179,8 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
     whole = min(0.45 / natural, 0.7 / max(edge, 1e-12))
     memories = [a for a in actives if a.effect.bind is not None and a.effect.states]
     if memories:  # states of the radiation at another pace, which follow the motion: the steps need to be stable
-        pace_of = max(1.0 / (1.0 + a.values.get("longer", 0.0)) for a in memories)
-        whole = min(whole, 1.0 / (pace_of * float(np.abs(np.linalg.eigvals(model.fit.a)).max())))
+        quickest = max(1.0 / (1.0 + a.values.get("longer", 0.0)) for a in memories)
+        whole = min(whole, 1.0 / (quickest * float(np.abs(np.linalg.eigvals(model.fit.a)).max())))
     others = [a for a in actives if a not in memories]
     if not others:
         return whole
