@@ -137,7 +137,7 @@ def overview(found: Diagnosis, parts: Sequence[str] = ("budget", "motion")) -> F
     if not found.predictions:
         raise InputError("no record with a known force is left to be predicted, so there is nothing to draw")
     rows = [name for name in ("budget", "motion", "motion") if name in parts]
-    height = 4.2 * ("motion" in parts) + (0.6 + 0.34 * len(found.budget.by_record)) * ("budget" in parts)
+    height = 4.2 * ("motion" in parts) + (1.0 + 0.34 * len(found.budget.by_record)) * ("budget" in parts)
     figure, axes = style.figure(len(rows), 1, size=(7.6, height))
     if "budget" in parts:
         stacked(found, axes[0, 0])
