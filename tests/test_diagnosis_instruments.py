@@ -149,3 +149,41 @@ def test_the_mean_of_an_acceleration_is_no_gap(zero):
                                            kind="forced"), ["quadratic_drag", "linear_damping"])
     assert found.verdict.status == "no_gap"
     assert found.how_far.gap_before < 0.03 and any("gravity or the sensor" in note for note in found.notes)
+
+
+def driven_pair(seed, dt=0.1, count=1200):
+    """Forces on heave and pitch that are coupled by stiffness, displacements and velocities (count, 2), a generator."""
+    rng = np.random.default_rng(seed)
+    time, omega, phase = dt * np.arange(count), rng.uniform(0.8, 3.5, (2, 14)), rng.uniform(0, 6.28, (2, 14))
+    force = np.array([[20.0], [10.0]]) * np.cos(omega[:, :, None] * time + phase[:, :, None]).sum(1)
+    M, C, D = PAIR.M + PAIR.A_inf, PAIR.C, PAIR.D
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, C), -np.linalg.solve(M, D)]])
+    B = np.concatenate([np.zeros((2, 2)), np.linalg.inv(M)])
+    moved = dlsim(cont2discrete((A, B, np.eye(4), np.zeros((4, 2))), dt, method="foh"), force.T)[1]
+    return time, force, moved[:, :2], moved[:, 2:], rng
+
+
+RIGID = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+PAIR = rss.Model(("Heave", "Pitch"), np.diag([100.0, 40.0]), np.zeros((2, 2)), [[400.0, 40.0], [40.0, 120.0]], RIGID,
+                 D=np.diag([20.0, 8.0]))
+
+
+@pytest.mark.parametrize(("cause", "number", "size"), [("sensor_delay", "delay", 0.15), ("cross_axis", "share", 0.12)])
+def test_what_all_sensors_of_a_motion_have_in_common_is_one_effect(cause, number, size):
+    """Pitch by displacement and velocity, both of them late or with a part of heave."""
+    records = []
+    for seed in range(3):
+        time, force, *motion, rng = driven_pair(seed)
+        channels = {"Heave_force": force[0], "Pitch_force": force[1]}
+        for y, quantity in zip(motion, ("", "_velocity")):
+            heave, pitch = y.T
+            pitch = CubicSpline(time, pitch)(np.maximum(time - size, 0.0)) if cause == "sensor_delay" else \
+                pitch + size * heave
+            for dof, read in (("Heave", heave), ("Pitch", pitch)):
+                channels[dof + quantity] = read + 0.01 * read.std() * rng.normal(size=time.size)
+        records.append(rss.Record(time, channels, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(PAIR, records[:2], withhold=records[2])
+    assert [(e.name, e.dof.split(",")[0]) for e in found.verdict.effects] == [(cause, "Pitch")]
+    parameters = found.verdict.effects[0].parameters
+    assert parameters["every"] == (1.0, 0.0)
+    assert abs(parameters[number][0] - size) < 4.0 * parameters[number][1] < 0.4 * size

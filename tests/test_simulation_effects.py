@@ -143,7 +143,7 @@ def test_radiation_of_all_motions_is_scaled_by_one_share():
     assert np.abs(np.asarray(found) - expected).max() < 2e-3 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("longer", [0.0, 0.5, -0.3])
+@pytest.mark.parametrize("longer", [0.0, 0.5, -0.3, -0.9])
 def test_a_memory_of_another_length_is_the_kernel_stretched(longer):
     """K(t / (1 + longer)) is the model's own realisation with its states' rates divided by 1 + longer."""
     model = coupled_model()
@@ -188,6 +188,8 @@ def test_bad_effects_are_refused_with_a_clear_word():
             activate(wrong, ["Heave"])
     with pytest.raises(InputError, match=r"no number with width = sharpness = 0.*give width \[X/s\]"):
         activate(("coulomb_friction", {"force": 1.0}), ["Heave"])        # F v / sqrt(v^2 + width^2) at rest is 0 / 0
+    with pytest.raises(InputError, match="longer -1 found, more than -1 needed"):
+        simulate(coupled_model(), (TIME, np.zeros((2, TIME.size))), [("radiation_damping", {"longer": -1.0})])
     assert activate(None, ["Heave"]) == () == activate([], ["Heave"])
 
 

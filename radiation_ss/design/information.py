@@ -116,13 +116,14 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
-    symbols = {term.key: Symbols(model, term.active) for term in terms}  # of an effect, whatever its shape
+    forms = {term.active.form: term.active for term in terms}
+    symbols = {form: Symbols(model, active) for form, active in forms.items()}
     for term in terms:
         effect = term.active.effect  # changes by one prior standard deviation of each strength
         slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
         spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
         spread = np.tile(spread, len(plan.runs)) if effect.per_record else spread
-        change = [part * spread for part in plan.by(term.active, effect.per_record, symbols[term.key])]
+        change = [part * spread for part in plan.by(term.active, effect.per_record, symbols[term.active.form])]
         if gap is not None:
             factor = size_for(gap, plan, change, full)
             change = [part * factor for part in change]

@@ -204,6 +204,16 @@ class Active:
         rare = self.effect.rare
         return rare(self.values) if callable(rare) else rare
 
+    @property
+    def form(self) -> tuple[int, str, str]:
+        """What its equations in symbols depend on, whatever its numbers: the effect as it is bound, and its place."""
+        return id(self.effect), self.dof, self.other
+
+    @property
+    def of_every_sensor(self) -> bool:
+        """Whether all sensors of a motion read so, not that of its displacement alone."""
+        return (self.effect.clock_out is not None and self.dof == "") or self.values.get("every", 0.0) == 1.0
+
     def bound(self, model: Any) -> "Active":
         """Return it with what its effect takes from the model, as copies of the radiation's states."""
         bind = self.effect.bind

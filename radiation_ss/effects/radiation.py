@@ -9,6 +9,7 @@ import casadi as ca
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Effect
 from radiation_ss.effects.parameter import Parameter as P
+from radiation_ss.errors import InputError
 
 
 def effects() -> list[Effect]:
@@ -31,13 +32,16 @@ def with_memory(effect: Effect, model: Model, values: Mapping[str, float]) -> Ef
     Their force is K(t / (1 + longer)) by the velocities: as large at first as K, for a time 1 + longer times as long.
     A memory of the model's own length needs none.
     """
-    fit = model.fit
-    if fit.states == 0 or values.get("longer", 0.0) == 0.0:
+    fit, pace = model.fit, 1.0 + values.get("longer", 0.0)
+    if fit.states == 0 or pace == 1.0:
         return effect
+    if not pace > 0.0:
+        raise InputError(f"effect {effect.name}: longer {pace - 1.0:g} found, more than -1 needed; the memory lasts "
+                         "1 + longer times as long")
 
     def rates(s: Any, p: Any) -> list[Any]:
         own, velocity = ca.vertcat(*s.z), ca.vertcat(*(each.v for each in s.all))
-        return ca.vertsplit(ca.mtimes(ca.DM(fit.a), own) / (1.0 + p.longer) + ca.mtimes(ca.DM(fit.b), velocity))
+        return ca.vertsplit(ca.mtimes(ca.DM(fit.a / pace), own) + ca.mtimes(ca.DM(fit.b), velocity))
 
     def force(s: Any, p: Any) -> Any:
         row = ca.DM(fit.c[model.dofs.index(s.dof)])

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
@@ -18,7 +19,9 @@ from radiation_ss.inference.problem import EquationError, Filling
 from radiation_ss.inference.stored import ByRecord, Shelf
 
 Key = tuple[str, str, str]  # name and places of an effect
+Kind = tuple[Key, tuple[float, ...]]  # with the numbers that are chosen, not fitted
 Keys = frozenset[Key]
+Form = tuple[int, str, str]  # what equations in symbols depend on, see `Active.form`
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,7 @@ class Term:
 
     active: Active  # With strengths 0; a clock's are those about which it is linear
     columns: Columns  # One for each strength; one for each strength and record where every record has its own
-    shapes: int = 1  # Number of starts that it was chosen from
+    shapes: int = 1  # Number of starts, as rare as its own, that it was chosen from
     start: Active | None = None  # The one that a refined shape comes from: the middle of its prior
     volume: float = 0.0  # Log prior mass of a refined shape, of that about its start
 
@@ -35,6 +38,27 @@ class Term:
     def key(self) -> Key:
         """Name and places."""
         return self.active.name, self.active.dof, self.active.other
+
+    @property
+    def strengths(self) -> list[str]:
+        """Names of the strengths."""
+        return [name for name, p in self.active.effect.parameters.items() if p.strength]
+
+    @property
+    def shaped(self) -> bool:
+        """Whether numbers of its shape are fitted, from one of several starts."""
+        return self.shapes > 1 and not self.chosen
+
+    @property
+    def chosen(self) -> bool:
+        """Whether no number of its shape is fitted."""
+        return all(p.strength or p.fixed for p in self.active.effect.parameters.values())
+
+    @property
+    def kind(self) -> Kind:
+        """Name, places and what is chosen of the shape."""
+        parameters = self.active.effect.parameters.items()
+        return self.key, tuple(self.active.values.get(name, 0.0) for name, p in parameters if p.fixed)
 
     @property
     def clock(self) -> bool:
@@ -104,15 +128,16 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
     if slabs is None:
         return
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
-    shapes = list(product(*grids))
-    symbols: dict[int, Symbols] = {}  # by the number of own states, which goes with the shape where there is a memory
-    for shape in shapes:
-        active = Active(effect, dof, dict(zip(effect.parameters, map(float, shape))), other).bound(problem.model)
-        if (own := active.effect.states) not in symbols:
-            symbols[own] = Symbols(problem.model, active)
-        columns = term_columns(problem, active, slabs, symbols[own])
+    shapes = [Active(effect, dof, dict(zip(effect.parameters, map(float, s))), other) for s in product(*grids)]
+    if not any(place.order >= 0 and place.dof in map(problem.model.dofs.index, moving) for place in problem.places):
+        shapes = [shape for shape in shapes if shape.values.get("every") != 1.0]  # there is one sensor
+    symbols: dict[Form, Symbols] = {}
+    for active in (shape.bound(problem.model) for shape in shapes):
+        if active.form not in symbols:
+            symbols[active.form] = Symbols(problem.model, active)
+        columns = term_columns(problem, active, slabs, symbols[active.form])
         if columns is not None:
-            yield Term(active, columns, len(shapes))
+            yield Term(active, columns, sum(shape.rare == active.rare for shape in shapes))
 
 
 def scales_at(problem: EquationError, dof: str, other: str) -> Scales:
@@ -172,25 +197,34 @@ def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
 
 def unseen_strengths(problem: EquationError, term: Term) -> set[str]:
     """Return the strengths that make nothing in any row: of a motion that only ever is at rest beside the others."""
-    names = [name for name, p in term.active.effect.parameters.items() if p.strength]
-    if term.active.effect.per_record or len(names) != term.columns.count:
+    if term.active.effect.per_record or len(term.strengths) != term.columns.count:
         return set()
-    return {name for name, seen in zip(names, seen_in(problem, term.columns)) if not seen > 0.0}
+    return {name for name, seen in zip(term.strengths, seen_in(problem, term.columns)) if not seen > 0.0}
 
 
-def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> frozenset[frozenset[Key]]:
+def twins(terms: Sequence[Term], alike: float = 1e-3, chunk: int = 50_000) -> frozenset[frozenset[Kind]]:
     """Return pairs of linear effects whose columns are the same, as a sensor's gain and that of the force may be.
 
     They are told as two sets: both in one are only a wider prior of either.
     """
-    single = [t for t in terms if t.active.effect.linear and t.columns.count == t.shapes == 1]
-    rows, gram = single[0].columns.values.shape[0] if single else 0, np.zeros((len(single), len(single)))
+    linear = [(t, seen_columns(t)) for t in terms if t.active.effect.linear and t.chosen]
+    single = [(t, seen) for t, seen in linear if seen.size == 1]
+    rows, gram = single[0][0].columns.values.shape[0] if single else 0, np.zeros((len(single), len(single)))
     for first in range(0, rows, chunk):
-        part = np.concatenate([t.columns.values[first:first + chunk] for t in single], axis=1)
+        part = np.concatenate([t.columns.values[first:first + chunk][:, seen] for t, seen in single], axis=1)
         gram += part.T @ part
     size = np.sqrt(np.diag(gram))
     same = np.argwhere(np.triu(np.abs(gram) > (1.0 - alike) * np.outer(size, size), 1))
-    return frozenset(frozenset((single[i].key, single[j].key)) for i, j in same if single[i].key != single[j].key)
+    return frozenset(frozenset((single[i][0].kind, single[j][0].kind)) for i, j in same
+                     if single[i][0].key != single[j][0].key)
+
+
+def seen_columns(term: Term) -> NDArray[np.int64]:
+    """Return which columns of a term are not zero everywhere."""
+    count = term.columns.count
+    if count == 1 or term.active.effect.per_record:
+        return np.arange(count)
+    return np.flatnonzero(np.any(np.asarray(term.columns.values), axis=0))
 
 
 def by_records(problem: EquationError, column: Columns) -> Columns:
@@ -244,7 +278,7 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
     nominal = tuple(o.active.with_values([mean[k]]) for k, o in enumerate(own))
     at, effects, spread = problem.base.count, [], []
     for term in candidate.terms:
-        names = [name for name, p in term.active.effect.parameters.items() if p.strength]
+        names = term.strengths
         width = term.columns.count // max(len(names), 1) if term.active.effect.per_record else 1
         values, deviations = dict(term.active.values), dict.fromkeys(term.active.effect.parameters, 0.0)
         acts, first = iter(seen_in(problem, term.columns)[::width] > 0.0), at

@@ -33,7 +33,7 @@ class Feature:
     # displacement, or of a prescribed motion by the measured force
     response: ComplexArray
     reading_response: ComplexArray  # (nw, n, n): The same for the readings
-    alike: bool = False  # Whether a motion's other sensors are read so, too: by one late clock
+    alike: bool = False  # Whether a motion's other sensors are read so, too
 
 
 def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
@@ -92,7 +92,7 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
             shift, whole = symbols.clock("clock_out", rows, strength, active)
             for place in symbols.places:  # a delay turns phases: the modulus of the Jacobian is one
                 reading[place] += shift * secant(run.time, run.x[place], -whole)
-        found.append(Feature(force, reading, response, seen, effect.clock_out is not None and not active.dof))
+        found.append(Feature(force, reading, response, seen, active.of_every_sensor))
     return found
 
 

@@ -186,8 +186,7 @@ class Weighing:
         """Return where the fit of a neighbour of a set begins."""
         numbers = dict(zip(names(trial), trial.parameters(new.start).tolist()))
         if new.new is not None:
-            strong = [n for n, p in new.new.active.effect.parameters.items() if p.strength]
-            values = {**new.new.active.values, **dict(zip(strong, new.strengths.tolist()))}
+            values = {**new.new.active.values, **dict(zip(new.new.strengths, new.strengths.tolist()))}
             numbers |= {(new.new.key, n): v for n, v in values.items()}
         return Start(new.terms, numbers, new.start[trial.free.size:])
 

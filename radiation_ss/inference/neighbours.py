@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.inference.candidates import Key, Term, twins
+from radiation_ss.inference.candidates import Form, Key, Term, twins
 from radiation_ss.inference.effect_features import Symbols, features_of
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.score import Score, alike, products
@@ -48,7 +48,7 @@ class Proposing:
     rules: SearchRules
     promise: float
     present: Sequence[str] = ()
-    symbols: dict[Key, Symbols] = field(default_factory=dict)
+    symbols: dict[Form, Symbols] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,23 +92,24 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
         for b in [Base(own, theories, base)] * (len(own) < rules.most) + less:
             found += b.beside(added, some, q, known)
     same = twins(known.terms)
-    return sorted((n for n in found if n.log_odds >= known.promise and not any(pair <= n.keys for pair in same)),
+    promising = (n for n in found if n.log_odds >= known.promise)
+    return sorted((n for n in promising if not any(pair <= {t.kind for t in n.terms} for pair in same)),
                   key=lambda n: -n.log_odds)
 
 
 def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term],
-            symbols: dict[Key, Symbols]) -> Iterator[Added]:
+            symbols: dict[Form, Symbols]) -> Iterator[Added]:
     """Yield what the terms add to the readings of a fit, those of as many strengths together."""
     errors, model = trial.errors(q), trial.problem.model
     for term in terms:
-        if term.key not in symbols:
-            symbols[term.key] = Symbols(model, term.active)
+        if term.active.form not in symbols:
+            symbols[term.active.form] = Symbols(model, term.active)
     runs, kernels = simulated(trial, q), linear_theory(trial, q)
     for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
         k = terms[some[0]].columns.count
         slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
         cross = np.zeros((q.size, len(some) * k))
-        made = [features_of(model, terms[i].active, runs, symbols[terms[i].key], responses=False) for i in some]
+        made = [features_of(model, terms[i].active, runs, symbols[terms[i].active.form], responses=False) for i in some]
         for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)

@@ -23,14 +23,14 @@ Slope = tuple[int, str, Slab, Columns]  # which term, the name of its number, it
 
 def shaped(candidate: Candidate) -> Keys:
     """Return the effects of a set whose shape was one of several."""
-    return frozenset(term.key for term in candidate.terms if term.shapes > 1)
+    return frozenset(term.key for term in candidate.terms if term.shaped)
 
 
 def likely_shapes(problem: EquationError, null: Candidate, terms: Sequence[Term],
                   rules: SearchRules) -> list[Candidate]:
     """Return the sets of the likeliest effects with a shape, in the shape that fits best."""
     return [fitted_shapes(problem, solve_set(problem, [term], null.posterior.sizes, rules, learned=False), rules)
-            for term in likely(problem, null, [t for t in terms if t.shapes > 1], rules)]
+            for term in likely(problem, null, [t for t in terms if t.shaped], rules)]
 
 
 def likely(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: SearchRules) -> list[Term]:
@@ -75,7 +75,7 @@ def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) 
         strengths = candidate.posterior.mean[at:at + term.columns.count]
         at += term.columns.count
         slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
-        if term.shapes == 1 or slabs is None:
+        if not term.shaped or slabs is None:
             continue
         here = term.columns.values @ strengths
         for name in (n for n, slab in slabs.items() if not term.active.effect.parameters[n].strength and slab.sd):
@@ -183,7 +183,7 @@ def clock_numbers(problem: EquationError, candidate: Candidate) -> FloatArray:
             place = problem.model.dofs.index(term.active.dof) if term.active.dof else 0
             late = phase.get(term.active.dof, 0.0) / natural_frequency(problem.model, place)
             found += [(about, value + late, deviation) for about, value, deviation
-                      in zip(term.active.values.values(), mean[at:], std[at:])]
+                      in zip((term.active.values[name] for name in term.strengths), mean[at:], std[at:])]
         at += term.columns.count
     return np.array(found).reshape(-1, 3)
 
@@ -193,7 +193,7 @@ def linear_about(problem: EquationError, terms: Sequence[Term], numbers: FloatAr
     found, at = [], 0
     for term in terms:
         if term.clock:
-            values = dict(zip(term.active.values, map(float, numbers[at:])))
+            values = dict(zip(term.strengths, map(float, numbers[at:])))
             at += len(values)
             term = with_numbers(problem, term, values) or term
         found.append(term)

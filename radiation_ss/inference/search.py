@@ -130,7 +130,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
             # those that were met before are solved anew: at its sizes they may be more likely.
             wanted = [t for t in next_to(problem, parent, terms, rules, fixed)
                       if not (parents and frozenset(t) in tried)
-                      and not any(pair <= {term.key for term in t} for pair in same)]
+                      and not any(pair <= {term.kind for term in t} for pair in same)]
             tried |= {frozenset(t) for t in wanted}
             rough = [solve_set(problem, t, parent.posterior.sizes, rules, present, learned=False, near=parent)
                      for t in wanted]

@@ -120,10 +120,8 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
         raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
     if batch < 1:
         raise InputError(f"batch: {batch} members at a time; at least 1 is needed")
-    F = np.zeros((equations.ns, equations.ns))
-    F[:equations.ns - equations.own, :equations.ns - equations.own] = model.matrices()[0]
     moving = slice(model.fit.states, model.fit.states + model.n)
-    step = lawson(Compiled(_beyond(equations)), expm(0.5 * h * F), h, moving)
+    step = lawson(Compiled(_beyond(equations)), expm(0.5 * h * equations.linear), h, equations.stepped, moving)
     run = runs[backend](step, Steps.of(times, substeps), moving)
     found = []
     for at in range(0, members, batch):
@@ -134,7 +132,7 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
 
 
 def _beyond(equations: MotionEquations) -> ca.Function:
-    """Return the rates beyond the linear model, velocities then own states, as a function of (s, u, t, p)."""
+    """Return the rates of the stepped states beyond the linear model as a function of (s, u, t, p)."""
     n = equations.model.n
     s, u, t, p = ca.SX.sym("s", equations.ns), ca.SX.sym("u", n), ca.SX.sym("t"), ca.SX.sym("p", equations.np)
     added, rest, own = equations.rates(s, ca.horzcat(u, ca.SX.zeros(n), t * ca.SX.ones(n)), t, p)
@@ -142,14 +140,13 @@ def _beyond(equations: MotionEquations) -> ca.Function:
     return ca.Function("beyond", [s, u, t, p, ca.SX.sym("none", 0)], [ca.densify(rates)])
 
 
-def lawson(rates: Compiled, half: FloatArray, h: float, moving: slice) -> Step:
+def lawson(rates: Compiled, half: FloatArray, h: float, rows: NDArray[np.int64], moving: slice) -> Step:
     """Return one step of Lawson's Runge-Kutta method for arrays (states, members) of any array library.
 
     From states, peaks and sums of squares to those one step later; drive and time are at its start, middle and end.
-    `moving`: the displacements among the states.
+    `rows`: the states whose rates are not linear; `moving`: the displacements.
     """
-    first = moving.stop
-    thin = half[:, first:]
+    thin, unit = half[:, rows], np.eye(len(half))[:, rows]
 
     def step(before: Watched, drive: Any, time: Any, p: Any, xp: Any) -> Watched:
         def rate(point: Any, k: int) -> Any:
@@ -160,11 +157,9 @@ def lawson(rates: Compiled, half: FloatArray, h: float, moving: slice) -> Step:
         middle = half @ state
         k1 = rate(state, 0)
         k2 = rate(middle + 0.5 * h * thin @ k1, 1)
-        plain = xp.concatenate([xp.zeros((first, k2.shape[1])), 0.5 * h * k2])
-        k3 = rate(middle + plain, 1)
+        k3 = rate(middle + 0.5 * h * unit @ k2, 1)
         k4 = rate(half @ middle + h * thin @ k3, 2)
-        last = xp.concatenate([xp.zeros((first, k4.shape[1])), h / 6.0 * k4])
-        after = half @ (middle + h / 6.0 * (thin @ k1)) + h / 3.0 * thin @ (k2 + k3) + last
+        after = half @ (middle + h / 6.0 * (thin @ k1)) + h / 3.0 * thin @ (k2 + k3) + h / 6.0 * unit @ k4
         return after, xp.maximum(peak, xp.abs(after[moving])), square + after[moving] ** 2
 
     return step

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import signal_names
@@ -46,18 +47,41 @@ class MotionEquations:
         self.compiled: dict[str, Any] = {}  # functions for many samples, kept by `Rollout`
 
     @cached_property
+    def linear(self) -> FloatArray:
+        """What is stepped exactly, (ns, ns): the linear model, and own states whose rates have constant coefficients.
+
+        Of a state's rate that is not `stepped`, its row is the whole.
+        """
+        state, at = self._symbols[0], self.ns - self.own
+        found = np.zeros((self.ns, self.ns))
+        found[:at, :at] = self.model.matrices()[0]
+        for k, rate in enumerate(self._balance[3], at):
+            slope = ca.jacobian(rate, state)
+            if slope.is_constant() and ca.substitute(rate, state, ca.SX.zeros(self.ns)).is_zero():
+                found[k] = np.asarray(ca.DM(slope)).ravel()
+        return found
+
+    @cached_property
+    def stepped(self) -> NDArray[np.int64]:
+        """The states whose rates are more than `linear`: the velocities, then own states."""
+        at = self.ns - self.own
+        moved = [k for k in range(at - self.model.n, self.ns) if k < at or not self.linear[k].any()]
+        return np.array(moved, dtype=np.int64)
+
+    @cached_property
     def core(self) -> ca.Function:
         """The equations as a function of state, drive (value, slope and recorded time, (drives, 3)), time and
         parameters.
 
         Its outputs: by the state, what is linear in it of the velocity's rate beyond the linear model, (n, ns); the
         rest of that rate; by the state, what is linear of the acceleration, of the same rest; the rates of the effects'
-        own states.
+        own states that are `stepped`.
         """
         n = self.model.n
         s, at, time, p = self._symbols
-        a, linear, active, rates = self._balance
+        a, linear, active, _ = self._balance
         inverse, own = self._inverse_inertia(active, a)
+        rates = self._stepped_rates
         rest = ca.mtimes(inverse, ca.substitute(active, a, ca.SX.zeros(n)))
         whole = ca.mtimes(inverse, self.passive + linear)
         # Without a change of inertia the passive force cancels.
@@ -74,18 +98,19 @@ class MotionEquations:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """Derivatives by states and parameters of the rates of velocities and own states beyond the linear model; by
-        implicit differentiation of inertia * a = force(state, p, a), which is shorter than through the solution.
+        """Derivatives by states and parameters of the rates of the `stepped` states beyond the linear model.
+
+        By implicit differentiation of inertia * a = force(state, p, a), which is shorter than through the solution.
         """
         n = self.model.n
         s, at, time, p = self._symbols
-        a, linear, active, rates = self._balance
+        a, linear, active, _ = self._balance
         inverse, own = self._inverse_inertia(active, a)
         both, passive = ca.vertcat(s, p), ca.horzcat(self.passive, ca.DM(n, self.np))
         d_force = ca.jacobian(ca.mtimes(linear, s) + active, both)
         rows = [ca.mtimes(own, d_force) if inverse is own
                 else ca.mtimes(inverse, passive + d_force) - ca.mtimes(own, passive)]
-        if rates:
+        if rates := self._stepped_rates:
             rate, d_a = ca.vertcat(*rates), ca.mtimes(inverse, passive + d_force)
             rows.append(ca.jacobian(rate, both) + ca.mtimes(ca.jacobian(rate, a), d_a))
         return ca.Function("slope", [ca.vertcat(s, a), at, time, p], [ca.densify(ca.vertcat(*rows))], {"cse": True})
@@ -179,6 +204,11 @@ class MotionEquations:
                     value = ca.substitute(ca.SX(value), state, ca.SX.zeros(self.ns))
                 force[place] = force[place] + value
         return a, linear, ca.vertcat(*force), rates
+
+    @property
+    def _stepped_rates(self) -> list[Any]:
+        """The rates of own states that are stepped."""
+        return [self._balance[3][k - self.ns + self.own] for k in self.stepped[self.model.n:]]
 
     def _inverse_inertia(self, active: Any, a: Any) -> tuple[Any, Any]:
         """Return the inverse of the inertia with what effects add to it, and of the linear model's own."""

@@ -150,18 +150,22 @@ def recur(instructions: NDArray[np.int64], work: FloatArray, rows: FloatArray, r
 
 @jit
 def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tuple[FloatArray, FloatArray, FloatArray],
-         h: float, drive: FloatArray, time: FloatArray, states: FloatArray, stages: FloatArray) -> None:
+         rows: NDArray[np.int64], h: float, drive: FloatArray, time: FloatArray, states: FloatArray,
+         stages: FloatArray) -> None:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
     The program: instructions of `MotionEquations.rates`, working memory and result with what parameters decide. The
-    dynamics: exp(A h / 2) of the linear part, its square, and its rows (n, ns) of the velocities' rates. drive (steps,
-    9, drives), time (steps,); stages (steps, 4, ns + n) are filled with states and accelerations at the stages.
+    dynamics: exp(A h / 2) of the linear part, its square, and its rows (n, ns) of the velocities' rates. rows (nr,):
+    the states whose rate is not linear, velocities first. drive (steps, 9, drives), time (steps,); stages (steps, 4,
+    ns + n) are filled with states and accelerations at the stages.
     """
     (instructions, work, result), (half, whole, linear) = program, dynamics
     n, ns = linear.shape
-    extra = result.size - n * ns  # the velocities' rates and those of the effects' own states
-    first = ns - extra
-    drives = drive.shape[2]
+    extra, drives = rows.size, drive.shape[2]
+    thin, last = np.empty((ns, extra)), np.empty((ns, extra))
+    for i in range(ns):
+        for j in range(extra):
+            thin[i, j], last[i, j] = half[i, rows[j]], whole[i, rows[j]]
     x, rate = np.empty(ns + 3 * drives + 1), np.empty((4, extra))
     middle, end = np.empty(ns), np.empty(ns)
     for k in range(states.shape[0] - 1):
@@ -177,11 +181,13 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
             point, source = stages[k, stage], state if stage == 0 else end if stage == 3 else middle
             for i in range(ns):
                 point[i] = source[i]
-                if stage == 2 and i >= first:
-                    point[i] += 0.5 * h * rate[1, i - first]
-                elif stage == 1 or stage == 3:
+                if stage == 1 or stage == 3:
                     for j in range(extra):
-                        point[i] += 0.25 * h * (stage + 1) * half[i, first + j] * rate[stage - 1, j]
+                        point[i] += 0.25 * h * (stage + 1) * thin[i, j] * rate[stage - 1, j]
+            if stage == 2:
+                for j in range(extra):
+                    point[rows[j]] += 0.5 * h * rate[1, j]
+            for i in range(ns):
                 x[i] = point[i]
             for c in range(3):
                 for i in range(drives):
@@ -199,10 +205,12 @@ def walk(program: tuple[NDArray[np.int64], FloatArray, FloatArray], dynamics: tu
                 point[ns + i] = added + own
         following = states[k + 1]
         for i in range(ns):
-            u = end[i] + (h / 6.0 * rate[3, i - first] if i >= first else 0.0)
+            u = end[i]
             for j in range(extra):
-                u += h / 6.0 * (whole[i, first + j] * rate[0, j] + 2.0 * half[i, first + j] * (rate[1, j] + rate[2, j]))
+                u += h / 6.0 * (last[i, j] * rate[0, j] + 2.0 * thin[i, j] * (rate[1, j] + rate[2, j]))
             following[i] = u
+        for j in range(extra):
+            following[rows[j]] += h / 6.0 * rate[3, j]
 
 
 @jit

@@ -59,15 +59,12 @@ class Rollout:
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
         self.model, self.actives, self.h = model, tuple(actives), float(h)
-        places = tuple((id(a.effect), a.dof, a.other) for a in self.actives)
-        self.equations = equations = equations_of(EquationKey((id(model), *places), model, self.actives))
+        forms = tuple(a.form for a in self.actives)
+        self.equations = equations = equations_of(EquationKey((id(model), *forms), model, self.actives))
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
-        f, _ = model.matrices()
-        self.linear = np.zeros((self.ns, self.ns))
-        self.linear[: f.shape[0], : f.shape[0]] = f
+        self.linear, self.rows = equations.linear, equations.stepped
         self.half = expm(self.linear * 0.5 * self.h)
         self.whole = self.half @ self.half
-        self.rows = np.arange(model.fit.states + model.n, self.ns, dtype=np.int64)
         self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
                                 for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
         self._drives: dict[Prepared, tuple[FloatArray, FloatArray]] = {}
@@ -107,7 +104,7 @@ class Rollout:
         states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
         states[0] = start
         dynamics = self.half, self.whole, self.linear[v:v + n]
-        walk((rates.each, *rates.prepared(p)), dynamics, self.h, drive[:-1], time[:-1], states, stages)
+        walk((rates.each, *rates.prepared(p)), dynamics, self.rows, self.h, drive[:-1], time[:-1], states, stages)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
         return states, stages
@@ -179,7 +176,7 @@ class SensorChain:
         p = ca.SX.sym("p", rollout.np)
         touching = [(a, values) for a, values in rollout.equations.of(p) if a.effect.sensor
                     and a.dof in (dofs[channel.dof], "")
-                    and (channel.quantity == "displacement" or (a.effect.clock_out is not None and a.dof == ""))]
+                    and (channel.quantity == "displacement" or a.of_every_sensor)]
         self.dofs = [channel.dof] + [dofs.index(a.other) for a, _ in touching if a.other]
         self.late = any(a.effect.clock_out for a, _ in touching)
         t, y = ca.SX.sym("t"), ca.SX.sym("y", len(self.dofs))

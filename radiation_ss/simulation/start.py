@@ -177,15 +177,10 @@ def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active]
                 edge = max(edge, band_edge(record.time, values))
     natural = natural or 0.45 / min((float(np.median(np.diff(r.time))) for r in records), default=1.0)
     whole = min(0.45 / natural, 0.7 / max(edge, 1e-12))
-    memories = [a for a in actives if a.effect.bind is not None and a.effect.states]
-    if memories:  # states of the radiation at another pace, which follow the motion: the steps need to be stable
-        quickest = max(1.0 / (1.0 + a.values.get("longer", 0.0)) for a in memories)
-        whole = min(whole, 1.0 / (quickest * float(np.abs(np.linalg.eigvals(model.fit.a)).max())))
-    others = [a for a in actives if a not in memories]
-    if not others:
+    if not actives:
         return whole
-    rate = max(effect_rate(model, records, others), 1e-12)
-    return min(whole, 0.2 / rate if all(a.effect.linear for a in others) else max(1.0 / rate, whole / 64))
+    rate = max(effect_rate(model, records, actives), 1e-12)
+    return min(whole, 0.2 / rate if all(a.effect.linear for a in actives) else max(1.0 / rate, whole / 64))
 
 
 def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Active]) -> float:
@@ -207,7 +202,7 @@ def effect_rate(model: Model, records: Sequence[Record], actives: Sequence[Activ
         point = np.concatenate([np.zeros(m), at_x * x, at_v * v, np.full(equations.own, at_v), np.zeros(n)])
         rows = np.asarray(equations.slope(point, drive, 0.0, p))[:, :ns]
         whole = np.zeros((ns, ns))
-        whole[m:m + n, m + n:m + 2 * n], whole[m + n:] = np.eye(n), rows
+        whole[m:m + n, m + n:m + 2 * n], whole[equations.stepped] = np.eye(n), rows
         if np.isfinite(whole).all():
             found = max(found, float(np.abs(np.linalg.eigvals(whole)).max()))
     return found
