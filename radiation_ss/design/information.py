@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import pinvh
+from scipy.linalg import pinvh, solve_triangular
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
@@ -101,18 +101,17 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     unknown = [plan.unknown(r) for r in range(len(records))]
     place, n = {id(record): r for r, record in enumerate(records)}, nominal[0].shape[-1]
 
+    def read(changes: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return changes in each record as each test's sensors read them, in standard deviations."""
+        rows = [plan.weighed(r, change) for r, change in enumerate(changes)]
+        return [np.concatenate([rows[place[id(test.record)]][order] for order, name in enumerate(QUANTITIES)
+                                if order == 0 or name in test.quantities]) for test in tests]
+
+    beside_all = [Beside.of(*parts) for parts in zip(read(nominal), read(unknown))]
+
     def seen(changes: Sequence[FloatArray]) -> FloatArray:
         """Return each test's information on the model's own numbers and on effects that make changes."""
-        rows = [plan.weighed(r, np.concatenate(parts, axis=-1))
-                for r, parts in enumerate(zip(nominal, changes, unknown))]
-        found = []
-        for test in tests:
-            r = place[id(test.record)]
-            J = np.concatenate([rows[r][order] for order, name in enumerate(QUANTITIES)
-                                if order == 0 or name in test.quantities])
-            split = J.shape[1] - unknown[r].shape[-1]
-            found.append(marginal(J[:, :split], J[:, split:]))
-        return np.stack(found)
+        return np.stack([known.information(J) for known, J in zip(beside_all, read(changes))])
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
@@ -196,6 +195,27 @@ def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
                 at[place.rows] = (rows[:, :, None] * np.diag(wide * stiff[:, j])).reshape(-1, place.bins)
                 found.append(at)
     return np.concatenate(found, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Columns that every effect is seen beside, what nuisances of unit prior variance hide of them taken off once."""
+
+    columns: FloatArray
+    hiding: FloatArray  # (rows, k): nuisances times the root of their inverse information
+    hidden: FloatArray  # (k, columns)
+
+    @classmethod
+    def of(cls, columns: FloatArray, nuisance: FloatArray) -> "Beside":
+        """Prepare them."""
+        N = nuisance[:, np.any(nuisance, axis=0)]
+        hiding = solve_triangular(np.linalg.cholesky(N.T @ N + np.eye(N.shape[1])), N.T, lower=True).T
+        return cls(columns, hiding, hiding.T @ columns)
+
+    def information(self, J: FloatArray) -> FloatArray:
+        """Return the information on the columns and those of J, as `marginal` does of both."""
+        both, hidden = np.hstack([self.columns, J]), np.hstack([self.hidden, self.hiding.T @ J])
+        return both.T @ both - hidden.T @ hidden
 
 
 def marginal(J: FloatArray, nuisance: FloatArray) -> FloatArray:

@@ -195,7 +195,10 @@ class Simulated:
         for r, run in enumerate(self.runs):
             force = np.stack([by_record[r].force for by_record in strengths], axis=-1)
             change = response(self.model, force, run.dt)
-            change[0] += np.stack([by_record[r].reading for by_record in strengths], axis=-1)
+            read = make_interp_spline(run.time, np.stack([by_record[r].reading for by_record in strengths], axis=-1),
+                                      k=5, axis=1)
+            for order in range(3 if active.of_every_sensor else 1):
+                change[order] += read(run.time, order)
             if per_record:
                 spread = np.zeros((*change.shape, len(self.runs)))
                 spread[..., r] = change
@@ -248,20 +251,18 @@ def response(model: Model, force: FloatArray, dt: float, start: FloatArray | Non
     block[size:-n, size + n:] = np.eye(3 * n)
     step = expm(block * dt)
     pieces = CubicSpline(dt * np.arange(count), force, axis=1).c  # (4, nt - 1, n, K), highest power first
-    drive = sum(np.einsum("sn,tnk->tsk", step[:size, size + p * n:size + (p + 1) * n], factorial(p) * pieces[3 - p])
-                for p in range(4))
+    drive = sum(np.tensordot(step[:size, size + p * n:size + (p + 1) * n], factorial(p) * pieces[3 - p], (1, 1))
+                for p in range(4))  # (states, nt - 1, K)
     states = np.zeros((force.shape[2], count, size))
     if start is not None:
         states[:, 0] = start.T
-    states[:, 1:] = np.moveaxis(drive, -1, 0)
+    states[:, 1:] = np.transpose(drive, (2, 1, 0))
     transition = np.ascontiguousarray(step[:size, :size])
     for column in states:
         run_linear(transition, column)
-    states = np.moveaxis(states, 0, -1)
-    m = model.fit.states
-    x, v = states[:, m:m + n], states[:, m + n:]
-    a = np.einsum("ns,tsk->tnk", F[m + n:], states) + np.einsum("nj,jtk->tnk", G[m + n:], force)
-    return np.stack([np.moveaxis(part, 0, 1) for part in (x, v, a)])
+    states, m = np.transpose(states, (2, 1, 0)), model.fit.states
+    a = np.tensordot(F[m + n:], states, 1) + np.tensordot(G[m + n:], force, 1)
+    return np.stack([states[m:m + n], states[m + n:], a])
 
 
 def amplitudes(model: Model, amplitude: float | Mapping[str, float] | None) -> dict[str, float]:
