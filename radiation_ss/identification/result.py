@@ -103,7 +103,8 @@ class Identification(Shown):
     def plants(self, n: int) -> "list[ct.StateSpace]":
         """Return n plants of the posterior as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
 
-        The radiation of each is passive: that of a draw, or the nearest to it.
+        The radiation of each is passive: that of a draw, with what the fit's order leaves out, or the nearest to it.
+        `A` and `B` are the bands of these; where the records have no power they are at least the prior's.
 
         Raises
         ------
@@ -115,7 +116,7 @@ class Identification(Shown):
         """
         def build(u: FloatArray) -> Model:
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
-            fit = self.form.own.realise(nearest_passive(self.form.own, self.form.theta(u), self.draws)[0])
+            fit = self.form.realise(nearest_passive(self.form, self.form.theta(u), self.draws)[0])
             return self.model.replace(M=inertia - self.A_inf, C=stiffness, fit=fit, hydro=None)
 
         return plants_of(self.u.T, n, build, "the draws of the posterior")
