@@ -112,6 +112,26 @@ def test_the_filter_in_c_is_the_live_filter_at_its_settled_gain(tmp_path):
     assert np.isfinite(lost).all() and lost.any()
 
 
+@needs_gcc
+def test_the_filter_in_c_is_as_unsure_as_the_live_one(tmp_path):
+    """K is known to 15 %: its own gain, settled at the mean, is sure of the force to a fraction of this."""
+    model, time, rng = tank_model(), 0.02 * np.arange(1500), np.random.default_rng(4)
+    force = 5.0 * np.sin(5.0 * time) + 3.0 * np.sin(7.3 * time + 1.0)
+    heave = rss.simulate(model, (time, force)).outputs[0]
+    record = rss.Record(time, {"Heave": heave + 1e-4 * rng.standard_normal(time.size)})
+    live = rss.DualEnKF(model, learn="never", noise={"Heave": 1e-4}, n_ensemble=100)
+    expected = live.run(record).force
+    source, count = rss.write_c(live, tmp_path / "filter.c"), live.engine.state.P.shape[0]
+    size = int(source.read_text(encoding="utf-8").split("x[")[1].split("]")[0])
+    assert size % count == 0 and size > count
+    step, x, found = Library(source, "filter_step"), np.zeros(size), []
+    for y in record.channels["Heave"]:
+        x, _, std = step((x, [y]), (size, 1, 1))
+        found.append(std[0])
+    width = (expected.upper - expected.lower)[0] / (2.0 * 1.96)
+    assert np.median(found[500:]) == pytest.approx(np.median(width[500:]), rel=0.3)
+
+
 def six_coupled_in_pairs():
     """Three pairs, as a ship's symmetry couples them: surge and pitch, sway and roll, heave and yaw."""
     pairs = [coupled_model(pair, seed) for seed, pair in enumerate((SIX[::4], SIX[1:4:2], SIX[2::3]))]
@@ -122,7 +142,7 @@ def six_coupled_in_pairs():
 
 
 @needs_gcc
-def test_six_degrees_of_freedom_take_less_than_twenty_microseconds(tmp_path):
+def test_six_degrees_of_freedom_take_microseconds(tmp_path):
     """Measured in C by a loop of its own; a step of plant and of filter each, the best of five."""
     model = six_coupled_in_pairs()
     time = 0.1 * np.arange(600)
@@ -137,8 +157,8 @@ def test_six_degrees_of_freedom_take_less_than_twenty_microseconds(tmp_path):
 #include <time.h>
 #include "plant.h"
 #include "filter.h"
-static double in[3][256], out[3][256], w[65536];
-static const double *arg[64]; static double *res[64]; static casadi_int iw[256];
+static double in[3][16384], out[3][16384], w[1 << 20];
+static const double *arg[256]; static double *res[256]; static casadi_int iw[1 << 16];
 static double timed(int (*f)(const casadi_real**, casadi_real**, casadi_int*, casadi_real*, int)) {
   for (int k = 0; k < 3; ++k) { arg[k] = in[k]; res[k] = out[k]; }
   clock_t start = clock();
@@ -156,7 +176,7 @@ int main(void) {
     subprocess.run([GCC, "-O2", "main.c", "plant.c", "filter.c", "-lm", "-o", "main"], check=True, cwd=tmp_path)
     took = json.loads(subprocess.run([tmp_path / "main"], check=True, capture_output=True, text=True).stdout)
     print(took, model.fit.states)
-    assert took["plant"] < 20.0 and took["filter"] < 20.0
+    assert took["plant"] < 20.0 and took["filter"] < 400.0  # one filter for each of 31 directions of the parameters
 
 
 def test_code_of_what_cannot_be_is_refused(tmp_path):

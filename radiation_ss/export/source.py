@@ -160,8 +160,9 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), by the
     classical Runge-Kutta method under constant u, in several steps where the fastest pole asks for them. Of a DualEnKF
     after `prepare` or `run`: `filter_step` (x, y) -> (x, force, its standard deviation), the Kalman filter at the
-    parameters reached so far, with the gain that it settles to and the record's interval. A sample that is NaN, or
-    beyond the filter's gate, counts as missing; the gain stays.
+    parameters reached so far, with the gain that it settles to and the record's interval, and beside it one for each
+    direction in which the parameters are unsure: the standard deviation holds both. A sample that is NaN, or beyond
+    the filter's gate, counts as missing; the gain stays. x is zero before the first sample.
 
     Parameters
     ----------
@@ -244,21 +245,39 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     engine = filter_.engine
     if not isinstance(engine, DefaultEngine):
         raise InputError("write_c: a default DualEnKF (preset=None) after prepare(record) or run(record) is needed")
-    system = engine.system
     there = np.isfinite(filter_.sensor_noise.ravel())
-    plant = system_matrices(filter_.model.replace(fit=filter_.parts.fit(engine.state.theta[:, -2])))
-    (F,), Q = bank_of([plant], filter_.force_model, filter_.sensor_noise, engine.state.P).steps(filter_.interval)
-    gain, spread, innovation = settled_gain(F, Q, system.H[there], np.diag(system.r[there]))
-    x, y = ca.MX.sym("x", F.shape[0]), ca.MX.sym("y", int(there.sum()))
-    ahead = ca.mtimes(ca.sparsify(ca.DM(F)), x)
-    e = y - ca.mtimes(ca.sparsify(ca.DM(system.H[there])), ahead)
-    e = ca.if_else(ca.fabs(e) < engine.rules.gate * np.sqrt(innovation), e, 0.0)
-    after = ahead + ca.mtimes(ca.DM(gain), e)
-    at = slice(F.shape[0] - 2 * filter_.model.n, F.shape[0], 2)
-    step = ca.Function("filter_step", [x, y], [after, after[at], ca.DM(spread[at])], ["x", "y"],
-                       ["after", "force", "std"])
+    centre, near = engine.state.theta[:, -2], 0.1
+    thetas = centre + near * np.vstack([np.zeros(centre.size), deviations(filter_, engine.state.theta[:, :-2].T)])
+    plants = [system_matrices(filter_.model.replace(fit=filter_.parts.fit(theta))) for theta in thetas]
+    bank = bank_of(plants, filter_.force_model, filter_.sensor_noise, engine.state.P)
+    (F, Q), H = bank.steps(filter_.interval), bank.H[:, there]
+    gain, spread, innovation = settled_gain(F[0], Q, H[0], np.diag(engine.system.r[there]))
+    size, count = F[0].shape[0], len(thetas)
+    x, y = ca.MX.sym("x", size * count), ca.MX.sym("y", int(there.sum()))
+    ahead = ca.horzcat(*(ca.mtimes(ca.sparsify(ca.DM(own)), part) for own, part in zip(F, ca.vertsplit(x, size))))
+    e = ca.horzcat(*(y - ca.mtimes(ca.sparsify(ca.DM(own)), ahead[:, k]) for k, own in enumerate(H)))
+    taken = ca.fabs(e[:, 0]) < engine.rules.gate * np.sqrt(innovation)
+    after = ahead + ca.mtimes(ca.DM(gain), ca.if_else(ca.repmat(taken, 1, count), e, 0.0))
+    force = after[size - 2 * filter_.model.n:size:2, :]
+    apart = (force[:, 1:] - ca.repmat(force[:, 0], 1, count - 1)) / near  # by a standard deviation of the parameters
+    std = ca.sqrt(spread[size - 2 * filter_.model.n:size:2] ** 2 + ca.sum2(apart**2))
+    step = ca.Function("filter_step", [x, y], [ca.vec(after), force[:, 0], std], ["x", "y"], ["after", "force", "std"])
     channels = list(rows_of(filter_.model.dofs))
     return [step], {"y": [name for name, have in zip(channels, there) if have], "force": list(filter_.model.dofs)}
+
+
+def deviations(filter_: DualEnKF, members: FloatArray, least: float = 0.1) -> FloatArray:
+    """Return the directions (k, n_theta) of the members (N, n_theta) along which K varies most, one deviation long.
+
+    Each entry of K in units of the largest of its two motions; those below a share `least` of the first are left out.
+    """
+    fits = [filter_.parts.fit(theta) for theta in members]
+    poles = np.abs(np.linalg.eigvals(fits[0].a))
+    K = np.stack([fit.frequency_response(np.geomspace(0.3 * poles.min(), 3.0 * poles.max(), 24)) for fit in fits])
+    size = np.sqrt(np.abs(np.einsum("mwii->mwi", K)).max(axis=(0, 1)))
+    rows = ((K - K.mean(axis=0)) / np.outer(size, size)).reshape(len(fits), -1)
+    u, share, _ = np.linalg.svd(np.hstack([rows.real, rows.imag]), full_matrices=False)
+    return np.asarray(u[:, share > least * share[0]].T @ (members - members.mean(axis=0)) / np.sqrt(len(fits) - 1))
 
 
 def settled_gain(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray,
