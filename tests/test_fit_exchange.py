@@ -291,6 +291,17 @@ def test_excitation_that_cannot_be_fitted_is_named(fit, semisub, tmp_path):
         rss.read_excitation(tmp_path / "bad.ssexctn")
 
 
+def test_what_symmetry_makes_zero_but_for_rounding_takes_no_states():
+    """Of a section in beam seas surge has noise of a panel method, a millionth of the force."""
+    data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 60)).select(["Sway", "Heave"])
+    rng = np.random.default_rng(0)
+    noise = 1e-6 * np.abs(data.X).max() * (rng.standard_normal(data.X.shape[:2]) + 1j)
+    whole = data.replace(X=np.stack([noise, data.X[:, :, 1]], axis=2))
+    alone = rss.fit_excitation(data.select("Heave"), data.directions[0], states=8)
+    both = rss.fit_excitation(whole, data.directions[0], states=8)
+    assert both.relative_error < 1.1 * alone.relative_error + 1e-3
+
+
 def test_audit_says_that_a_model_looks_like_the_force_on_the_body(fit):
     opposite = rss.audit(ct.ss(fit.a, fit.b, -fit.c, np.zeros((2, 2)), inputs=["heave_vel", "pitch_vel"],
                                outputs=["heave_rad", "pitch_rad"]), fit.data)

@@ -18,7 +18,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.start import least_squares
-from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.data import HydroData, force_unit
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 from radiation_ss.methods import Brief
@@ -35,7 +35,7 @@ class ExcitationFit(Brief):
     c: FloatArray
     lead: float  # How far ahead the elevation is taken, tc [s]
     direction: float  # Wave direction [rad]
-    # ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|
+    # ||X - X_fit|| / ||X|| over all samples, each degree of freedom scaled by its largest |X|; see `fit_excitation`
     relative_error: float = np.nan
 
     def __str__(self) -> str:
@@ -69,7 +69,7 @@ class ExcitationFit(Brief):
 
 
 def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, lead: float | None = None,
-                   passes: int = 12) -> ExcitationFit:
+                   passes: int = 12, least: float = 0.01) -> ExcitationFit:
     """Fit the wave excitation force of one direction by vector fitting with poles shared by all degrees of freedom.
 
     Gustavsen & Semlyen 1999, IEEE Trans. Power Delivery 14, 1052; unstable poles are mirrored.
@@ -87,6 +87,9 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
         the force is largest.
     passes : int
         Relocations of the poles.
+    least : float
+        Each degree of freedom counts in units of its largest |X|, but of no less than this share of the largest force,
+        or moment, of all: what symmetry makes zero but for rounding is no force to be fitted.
 
     Raises
     ------
@@ -114,9 +117,12 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     if states < 2 or states > omega.size:
         raise InputError(f"states: {states} found; 2 to {omega.size}, the number of frequencies with a force, needed")
     size = np.abs(X).max(axis=0)
-    active = size > 1e-6 * size.max()
-    if not active.any():
+    if not size.any():
         raise InputError(f"{data.source or 'data'}: X is zero in direction {np.degrees(direction):g} deg")
+    turning = np.array([force_unit(dof) == "N m" for dof in data.dofs])
+    size = np.maximum(size, least * np.where(turning, size.max(where=turning, initial=0.0),
+                                             size.max(where=~turning, initial=0.0)))
+    active = size > 0.0
     Y = X[:, active] / size[active]
     peak = omega[int(np.argmax(np.abs(Y).sum(axis=1)))]
     leads = 2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None else [lead]
