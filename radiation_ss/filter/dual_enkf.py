@@ -32,6 +32,9 @@ from radiation_ss.simulation.unit_checks import check_decays, check_units, doubt
 class DualEnKF:
     """Estimate the subsystems' parameters and the wave excitation force from a body's motion (section 3.2).
 
+    Bands are those of the radiation's parameters: mass, A_inf and stiffness are taken as exact and the radiation's
+    order as sufficient. Where they may be off, `identify` by "prediction-error" or "joint" has them free.
+
     Parameters
     ----------
     plant : Model, control.StateSpace, path, UncertainPlant
