@@ -11,6 +11,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -222,7 +223,7 @@ def modal(problem: Problem, order: int, motions: int, rng: np.random.Generator, 
         mode = replace(problem.along(U[:, [k]]), weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
         size = float(np.abs(mode.K).max())
         mode = replace(mode, K=mode.K / size, K_points=mode.K_points / size)
-        form, theta = alone(mode, order, rng, tried=2 if motions > 1 else 4)
+        form, theta = alone(mode, order, rng, tried=2 if motions > 1 else 8)
         e1, e2, G, _ = form.unpack(theta)
         parts.append((e1, e2, G, np.sqrt(size) * form.realise(theta)[1][:form.n1] @ U[:, [k]].T))
     form, theta = beside(parts, problem.zero)
@@ -241,10 +242,14 @@ def alone(problem: Problem, order: int, rng: np.random.Generator, tried: int, st
 
 
 def _rational(problem: Problem, order: int) -> Iterator[tuple[float, FloatArray, FloatArray]]:
-    """Yield (misfit, den, num) of passive Q / P from Sanathanan-Koerner passes of two starts."""
-    for first in (None, spread(problem.x, order)):
-        runs = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero,
-                                  first=first)
+    """Yield (misfit, den, num) of passive Q / P from Sanathanan-Koerner passes of two starts on all samples.
+
+    And on either half of them: each leads elsewhere where there are several minima.
+    """
+    parts = [slice(None), slice(0, None, 2), slice(1, None, 2)][: 3 if problem.x.size > 4 * order else 1]
+    for part, first in product(parts, (None, spread(problem.x, order))):
+        runs = sanathanan_koerner(problem.x[part], problem.K[part, 0], problem.weight[part, 0], order,
+                                  zero=problem.zero, first=first)
         for _, den, num in (runs[2], min(runs, key=lambda run: run[0])):
             passive = passive_numerator(den, num, problem.zero)
             yield problem.misfit(response_of(den, passive, problem.x)[:, None]), den, passive
