@@ -112,3 +112,12 @@ def test_identify_and_isolability_take_what_is_free(seed):
     names = ["quadratic_drag", "linear_stiffness"]
     assert np.array_equal(rss.isolability(model, record, names).detectability,
                           rss.isolability(model, cut, names).detectability)
+
+
+def test_a_record_that_does_not_move_the_model_is_refused():
+    model, time = tank_model(), np.arange(0.0, 8.0, 0.02)
+    roll = rss.Record(time, {"Roll": 0.3 * np.cos(time), "Roll_force": 0.0 * time}, kind="decay", name="run 4")
+    with pytest.raises(rss.InputError, match=r"run 4: its columns, Roll, Roll_force, .* Heave, Heave_force or wave"):
+        simulate(model, roll)
+    assert simulate(model, roll, start={"Heave": 0.02}).outputs[0, 0] == 0.02
+    assert not np.any(simulate(model, roll.with_channels(Heave_force=0.0 * time)).outputs)

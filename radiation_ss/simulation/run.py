@@ -62,7 +62,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     Raises
     ------
     InputError
-        If the record's force is unknown or missing over more than three steps, or shapes do not fit.
+        If the record holds nothing that moves the model, its force is unknown or missing over more than three steps, or
+        shapes do not fit.
     SolverError
         If the motion grows without bounds.
 
@@ -95,6 +96,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         np.zeros(model.fit.states), np.diag(linear_terms(start, model.dofs, "start")), np.zeros(model.n)]
     unmoved = all(record.get(quantity, model.dofs) is None for quantity in QUANTITIES)
     if unmoved:
+        if start is None:
+            check_something_moves(model, record)
         record = record.with_channels(**{dof: np.zeros(record.time.size) for dof in model.dofs})
     if begin is None and (unmoved or record_or_force is not record):
         begin = np.zeros(model.fit.states + 2 * model.n)
@@ -113,6 +116,15 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     assert prepared.force is not None
     inside = np.clip(record.time, prepared.force[0].x[0], prepared.force[0].x[-1])
     return response(model, record.time, outputs, np.stack([f(inside) for f in prepared.force]), record.name)
+
+
+def check_something_moves(model: Model, record: Record) -> None:
+    """Raise InputError if a record without motion of the model has neither a force on it nor an elevation."""
+    forces = [f"{dof}_force" for dof in model.dofs]
+    if not record.channels.keys() & {*forces, "wave_elevation"}:
+        raise InputError(f"record {record.name}: its columns, {', '.join(record.channels) or 'none'}, hold nothing "
+                         f"that moves the model; needed is one of {', '.join((*model.dofs, *forces))} or "
+                         "wave_elevation, or `start` (--decay DOF=X instead of the record)")
 
 
 def check_force_is_whole(model: Model, record: Record, missed: float = 3.5) -> None:
