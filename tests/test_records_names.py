@@ -34,3 +34,14 @@ def test_a_diagnosis_is_the_same_with_and_without_names():
     found = [list(a.where.records.values()) for a in answers]
     assert found[0] == pytest.approx(found[1])
     assert list(answers[1].where.records) == ["decay", "decay_2"]
+
+
+def test_a_record_counts_once(tmp_path):
+    model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.02)
+    rss.write_record(rss.Record(TIME, {"Heave": np.cos(2.0 * TIME)}, kind="decay"), tmp_path / "one.csv")
+    one, copy = str(tmp_path / "one.csv"), str(tmp_path / "copy.csv")
+    (tmp_path / "copy.csv").write_bytes((tmp_path / "one.csv").read_bytes())
+    with pytest.raises(rss.InputError, match=r"record 1 \(.*one.csv\) and record 2 \(.*copy.csv\) hold the same"):
+        rss.identify(model, [one, copy], "prediction-error")
+    with pytest.raises(rss.InputError, match=r"record 1 \(.*one.csv\) and withheld record 1 \(.*copy.csv\) hold"):
+        rss.diagnose(model, one, withhold=copy)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -33,7 +32,7 @@ from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import RecordLike, as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import named_apart, suspicions
+from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
@@ -92,7 +91,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     Raises
     ------
     InputError
-        If records do not fit the model, or a name is unknown.
+        If records do not fit the model or one is given twice, or a name is unknown.
 
     Examples
     --------
@@ -115,12 +114,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     raw = [records] if isinstance(records, Record) else list(records)
     if not raw:
         raise InputError("records: none is given")
+    check_given_once(raw, withhold)
     apart = named_apart([*raw, *withhold])
     raw, withhold = list(apart[:len(raw)]), list(apart[len(raw):])
-    for seen, unseen in product(raw, withhold):
-        if np.array_equal(seen.time, unseen.time) and seen.channels.keys() == unseen.channels.keys() and all(
-                np.array_equal(seen.channels[k], unseen.channels[k], equal_nan=True) for k in seen.channels):
-            raise InputError(f"record {unseen.name}: withheld, and given to the fit as {seen.name}; one of both")
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     if not given:

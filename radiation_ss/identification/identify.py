@@ -25,7 +25,7 @@ from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import named_apart, since_release
+from radiation_ss.records.record_checks import check_given_once, named_apart, since_release
 from radiation_ss.simulation.headings import along_waves, directional
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
@@ -105,8 +105,8 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     Raises
     ------
     InputError
-        If a record lacks what the method needs, its units contradict each other or the model, or a setting is out of
-        range.
+        If a record lacks what the method needs or is given twice, its units contradict each other or the model, or a
+        setting is out of range.
     SolverError
         If the most probable parameters are not reached.
 
@@ -127,6 +127,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         if record.kind == "static":
             raise InputError(f"record {record.name}: a static test has no motion that radiates waves, so it says "
                              "nothing of A, B or a wave's force; `diagnose` takes it for the stiffness")
+    check_given_once(runs)
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]

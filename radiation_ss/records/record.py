@@ -49,6 +49,8 @@ class Record(Shown):
         Forward speed of the body [m/s]; 0 at rest.
     units : mapping of str to str
         "m" or "rad" of degrees of freedom that are no rigid-body mode: {"flap": "rad"}. Files need it.
+    file : str
+        Where it was read from; messages name it.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Record(Shown):
     meta: Mapping[str, str] = field(default_factory=dict)
     speed: float = 0.0
     units: Mapping[str, str] = field(default_factory=dict)
+    file: str = ""
 
     def __post_init__(self) -> None:
         if hasattr(self.time, "columns") or hasattr(self.time, "data_vars"):

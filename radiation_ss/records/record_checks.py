@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
@@ -87,6 +89,16 @@ def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
             name, number = f"{record.name}_{number}", number + 1
         names.append(name)
     return tuple(replace(record, name=name) for record, name in zip(records, names))
+
+
+def check_given_once(records: Sequence[Record], withheld: Sequence[Record] = ()) -> None:
+    """Raise InputError if two records hold the same samples: one that is given twice would count twice."""
+    named = [(f"{what} {i} ({record.file or record.name})", record) for what, group in (
+        ("record", records), ("withheld record", withheld)) for i, record in enumerate(group, 1)]
+    for (name, one), (other_name, other) in combinations(named, 2):
+        if np.array_equal(one.time, other.time) and one.channels.keys() == other.channels.keys() and all(
+                np.array_equal(values, other.channels[k], equal_nan=True) for k, values in one.channels.items()):
+            raise InputError(f"{name} and {other_name} hold the same samples; give one of both")
 
 
 def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> Iterator[str]:

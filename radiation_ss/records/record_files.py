@@ -54,7 +54,8 @@ def record_of_table(values: Mapping[str, FloatArray], header: Sequence[Column], 
         record = Record(time, columns, kind=stated or infer_kind(columns), start=own.get("start", ""), meta=meta,
                         name=own.get("name", re.sub(ENDING, "", Path(source).name)),
                         speed=speed_of(own.get("speed", "0")),
-                        units={dof: unit for dof, unit in own_dofs(own.get("dofs", "")).items() if unit})
+                        units={dof: unit for dof, unit in own_dofs(own.get("dofs", "")).items() if unit},
+                        file=str(source) if isinstance(source, Path) else "")
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     for sentence in suspicions(record, stated=bool(stated)):
