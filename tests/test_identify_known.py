@@ -293,6 +293,7 @@ def test_same_seed_same_answer(twenty_seconds):
 
 @pytest.mark.parametrize(("change", "message"), [
     (dict(method="magic"), "method"), (dict(method="points"), "points"), (dict(prior=0.0), "prior"),
+    (dict(method="dual-enkf", tolerance=0.1), "tolerance"), (dict(method="paper", tolerance=0.0), "tolerance"),
     (dict(records=[]), "records"), (dict(omega=[2.0, 1.0]), "omega"), (dict(points=[-1.0]), "points")])
 def test_bad_settings_are_named(change, message):
     record = sail(tank(), 20.0, np.random.default_rng(0))[0]

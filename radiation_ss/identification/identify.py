@@ -167,6 +167,9 @@ def _asked(method: str, prior: float, points: Points | None, rules: Settings) ->
     if (rules.preset is not None or rules.filter) and method != "dual-enkf":
         raise InputError(f"preset and {', '.join(rules.filter) or 'Q_theta'}: options of the dual filter; use method "
                          "'dual-enkf' or 'paper'")
+    if rules.tolerance is not None and method == "dual-enkf":
+        raise InputError(f"tolerance: {rules.tolerance!r} found, but the dual filter takes the model's numbers as they "
+                         "are; use method 'prediction-error', 'spectral' or 'joint'")
     if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
     return method, rules
