@@ -46,12 +46,11 @@ def test_elevation_at_the_body_with_jitter_and_gaps_of_another_rate():
 
 def test_a_place_of_the_probe_that_is_not_understood_is_not_the_body():
     time = np.arange(0.0, 20.0, 0.05)
-    for stated in ("-5 ft", "2.5 m upstream", "-1.5, 0"):
+    for stated in ("-5 ft", "2.5 m upstream", "-1.5, 0", "ten", "wp4", "inf"):
         record = rss.Record(time, {"wave_elevation": np.sin(6.0 * time)}, meta={"probe": stated})
         with pytest.raises(rss.InputError, match=r"is no place .* write metres"):
             rss.simulate(waving(), record)
-    named = rss.Record(time, {"wave_elevation": np.sin(6.0 * time)}, meta={"probe": "wp4"})
-    assert rss.simulate(waving(), named).outputs.shape[1] == time.size
+        assert rss.at_the_body(record, 0.5).meta["probe"] == "0"
 
 
 @pytest.mark.parametrize("record, words", [

@@ -191,8 +191,7 @@ def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record
     """Return the record with the wave elevation at the body, if the comment `probe` says that it is not."""
     from radiation_ss.records.probe import probe_place
 
-    place = probe_place(record)
-    if "wave_elevation" not in record.channels or not np.isfinite(place) or place == 0.0:
+    if "wave_elevation" not in record.channels or (place := probe_place(record)) == 0.0:
         return record
     water = f"water of {data.depth:g} m" if np.isfinite(data.depth) else "deep water"
     args.notes.append(f"{record.name}: wave elevation carried from the probe at {place:g} m to the body, in {water}")

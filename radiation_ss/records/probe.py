@@ -55,32 +55,29 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
             raise InputError(f"record {record.name}: the place of the probe is not known; give the distance [m], or "
                              "the comment `# probe: x`")
         distance = -probe_place(record)
-        if not np.isfinite(distance):
-            raise InputError(f"record {record.name}: comment 'probe': {record.meta['probe']!r} is no place [m] along "
-                             "the waves, the body at 0")
     grid, even = even_samples(record, "wave_elevation", values)
     moved = carry_elevation(even, grid[1] - grid[0], distance, depth=depth, g=g)
     inside = np.isfinite(moved)
     at = CubicSpline(grid[inside], moved[inside])(record.time)
     at[(record.time < grid[inside][0]) | (record.time > grid[inside][-1]) | ~np.isfinite(values)] = np.nan
-    here = {} if np.isnan(probe_place(record)) else {"probe": "0"}
+    here = {"probe": "0"} if "probe" in record.meta else {}
     return replace(record.with_channels(wave_elevation=at), meta={**record.meta, **here})
 
 
 def probe_place(record: Record) -> float:
-    """Return the place of the wave probe [m] by the comment `probe`; NaN where that says none, or only a name."""
-    stated = str(record.meta.get("probe", "nan"))
+    """Return the place of the wave probe [m] by the comment `probe`, 0 without one; InputError if it is no number."""
+    stated = str(record.meta.get("probe", "0"))
     place = number_in(stated, "m")
-    if np.isnan(place) and stated.strip()[:1] in set("+-.0123456789"):
+    if not np.isfinite(place):
         raise InputError(f"record {record.name}: comment 'probe': {stated!r} is no place [m] along the waves, the body "
-                         "at 0; write metres, for example -1.5")
+                         "at 0; write metres, for example -1.5, and a probe's name under another key")
     return place
 
 
 def check_elevation_at_body(record: Record) -> None:
     """Refuse a record whose wave probe stands elsewhere by its own comment."""
     place = probe_place(record)
-    if "wave_elevation" in record.channels and np.isfinite(place) and place != 0.0:
+    if "wave_elevation" in record.channels and place != 0.0:
         raise InputError(f"record {record.name}, column wave_elevation: comment 'probe' says that it was measured at "
                          f"{place:g} m, and the body is at 0; at_the_body(record, depth=...) carries it there, or "
                          "leave the column out (--ignore wave_elevation)")
