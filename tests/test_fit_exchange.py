@@ -309,3 +309,11 @@ def test_audit_says_that_a_model_looks_like_the_force_on_the_body(fit):
     assert opposite.relative_error == pytest.approx(2.0) and opposite.opposite_error < 1e-12
     assert "looks like -K, whose output is the force on the body" in str(opposite)
     assert "looks like" not in str(rss.audit(fit, fit.data))
+
+
+def test_openfast_states_belong_to_motions_that_are_there(fit, tmp_path):
+    roll = rss.RadiationFit(("Roll",), [[0.0, -4.0], [1.0, -2.0]], [[3.0], [1.0]], [[0.0, 1.0]], 2)
+    for model in (fit, fit.select(["Pitch"]), roll):
+        owned = np.array(model.write(tmp_path / "model.ss").read_text().splitlines()[3].split()[:6], int)
+        assert owned.sum() == model.states
+        assert not owned[[dof not in model.dofs for dof in DOFS]].any()

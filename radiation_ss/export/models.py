@@ -24,7 +24,11 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
     N, n = fit.states, 6 * len(bodies)
     b, c = np.zeros((N, n)), np.zeros((n, N))
     b[:, places], c[places] = fit.b, -fit.c
-    owned = np.bincount(np.abs(c).argmax(axis=0), minlength=n)
+    # A state is of the degree of freedom that reads it, itself or through others: |c| (1 + q + q^2 + ...) with q < 1.
+    through = np.abs(fit.a) / (2.0 * max(float(np.linalg.norm(fit.a)), 1e-300))
+    read = np.abs(c) @ np.linalg.inv(np.eye(N) - through)
+    owned = np.bincount((read / np.maximum(read.max(axis=1, keepdims=True, initial=0.0), 1e-300)).argmax(axis=0),
+                        minlength=n)
     lines = ["radiation_ss: state-space radiation model, y = C x is the force on the body",
              f"{' '.join('1' * n)}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{' '.join(map(str, owned))}    %Radiation states per DoF"]
