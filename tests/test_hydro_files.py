@@ -121,7 +121,8 @@ def reorder(ds):
 
 def by_period(ds):
     with np.errstate(divide="ignore"):
-        return ds.assign_coords(period=2 * np.pi / ds["omega"]).swap_dims(omega="period").drop_vars("omega")
+        period = (2 * np.pi / ds["omega"]).assign_attrs(units="s")
+    return ds.assign_coords(period=period).swap_dims(omega="period").drop_vars("omega")
 
 
 def parts_of_the_force(ds):
@@ -228,6 +229,10 @@ def nan_in(name):
     (lambda ds: ds.assign_coords(omega=-ds.omega), "zero, positive or infinite"),
     (lambda ds: ds.assign_coords(rho=-3.0), "rho: must be positive"),
     (lambda ds: ds.assign_coords(omega=ds.omega.assign_attrs(units="Hz")), "omega is in 'Hz'; rad/s needed"),
+    (lambda ds: by_period(ds).assign_coords(period=("period", np.ones(ds.omega.size), {"units": "ms"})),
+     "period is in 'ms'; s needed"),
+    (lambda ds: ds.assign_coords(rho=ds.rho.assign_attrs(units="t/m^3")), "'t' is no SI unit"),
+    (lambda ds: ds.assign(added_mass=ds.added_mass.assign_attrs(units="t")), "added_mass is in 't'"),
     (lambda ds: ds.assign_coords(forward_speed=2.0), "forward_speed = 2 m/s; only zero speed is supported$"),
     (lambda ds: xr.concat([ds.assign_coords(forward_speed=v) for v in (0.0, 5.0)], "forward_speed"),
      r"forward_speed = 0, 5 m/s; .*; take ds.sel\(forward_speed=0\)$"),

@@ -7,6 +7,7 @@ whatever the order of dimensions in the file. Rows omega = 0 and omega = inf hol
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +18,17 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constants
 from radiation_ss.reading import check_size, decoded
+from radiation_ss.units import plain_unit
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SQUARE = {"M": "inertia_matrix", "C": "hydrostatic_stiffness", "D": "friction"}
 ENTRIES, MODES = "hydrostatic_S", ("Heave", "Roll", "Pitch")
+FORCES = ("excitation_force", "diffraction_force", "Froude_Krylov_force")
+FREQUENCIES = {"omega": "rad/s", "period": "s", "freq": "Hz"}
+WORD = re.compile(r"[^\W\d_]+")
+SI = ("kg", "m", "s", "rad", "N", "Nm", "Ns", "Nms", "and", "or", "per")
 NAMES = {"rho": "rho", "g": "g", "depth": "water_depth"}
 
 
@@ -37,6 +43,11 @@ def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: flo
 
 
 def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]) -> HydroData:
+    for name in (*FORCES, "added_mass", "radiation_damping", *SQUARE.values(), *NAMES.values()):
+        unit = str(dataset[name].attrs.get("units", "")) if name in dataset.variables else ""
+        if other := [word for word in WORD.findall(unit) if word not in SI]:
+            raise InputError(f"{path}: {name} is in {unit!r}, and {other[0]!r} is no SI unit; products of "
+                             f"{', '.join(SI[:5])} are needed")
     data = _merge_complex(path, dataset.copy())
     for name in ("added_mass", "radiation_damping"):
         if name not in data:
@@ -58,7 +69,7 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     force = data.get("excitation_force")
     if force is None and "diffraction_force" in data and "Froude_Krylov_force" in data:
         force = data["diffraction_force"] + data["Froude_Krylov_force"]
-    elif force is None and (part := {"diffraction_force", "Froude_Krylov_force"} & set(data.data_vars)):
+    elif force is None and (part := set(FORCES) & set(data.data_vars)):
         notes.append(f"{path}: of the wave force only {part.pop()} is there; X is left out")
     if force is not None:
         if "wave_direction" not in force.dims:
@@ -117,14 +128,17 @@ def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> t
 
 def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, str]:
     """Return the dataset with a variable omega [rad/s], and the dimension along which it runs."""
-    if not {"omega", "period", "freq"} & set(data.variables):
+    name = next((name for name in FREQUENCIES if name in data.variables), None)
+    if name is None:
         raise InputError(f"{path}: no coordinate omega [rad/s], period [s] or freq [Hz]")
-    if "omega" not in data.variables:
+    unit = str(data[name].attrs.get("units", FREQUENCIES[name]))
+    if plain_unit(unit.replace(" per ", "/")).lower() != FREQUENCIES[name].lower():
+        raise InputError(f"{path}: {name} is in {unit!r}; {FREQUENCIES[name]} needed (omega is in rad/s, period in s, "
+                         "freq in Hz)")
+    if name != "omega":
         with np.errstate(divide="ignore"):
-            data = data.assign_coords(omega=2.0 * np.pi / data["period"] if "period" in data.variables
-                                      else 2.0 * np.pi * data["freq"])
-    if "rad" not in (unit := str(data["omega"].attrs.get("units", "rad/s"))):
-        raise InputError(f"{path}: omega is in {unit!r}; rad/s needed (one in Hz is called freq)")
+            values = 2.0 * np.pi / data[name] if name == "period" else 2.0 * np.pi * data[name]
+        data = data.assign_coords(omega=values)
     if data["omega"].ndim == 0:
         data = data.drop_vars("omega").expand_dims(omega=[float(data["omega"])])
     if data["omega"].ndim != 1:
