@@ -136,11 +136,23 @@ def test_a_probe_that_stands_elsewhere_is_carried_to_the_body(depth, water, tmp_
 
 def test_a_fit_that_misses_the_file_is_told(tmp_path, capsys):
     omega = np.linspace(0.2, 6.0, 60)
-    B = np.exp(-(((omega - 2.0) / 0.5) ** 2))[:, None, None]  # with a constant A: no causal pair
-    write_hydro(HydroData(omega, 3.0 + 0.0 * B, B, np.full((1, 1), 3.0), ("Heave",)), tmp_path / "odd.nc")
+    B = np.exp(-(((omega - 2.0) / 0.5) ** 2))[:, None, None]  # with an A like that: no causal pair
+    write_hydro(HydroData(omega, 3.0 - 0.2 * B, B, np.full((1, 1), 3.0), ("Heave",)), tmp_path / "odd.nc")
     assert run("fit", tmp_path / "odd.nc", "--order", 3, "--out", tmp_path / "fit.json") == 0
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1 and "radiation-ss check" in said[0] and "off the file's coefficients" in said[0]
+
+
+def test_an_order_that_is_too_low_is_told(tmp_path, capsys):
+    omega = np.linspace(0.2, 30.0, 150)
+    s = 1j * omega[:, None, None]
+    K = s / (s**2 + s + 9.0) + s / (s**2 + s + 25.0)
+    write_hydro(HydroData(omega, 3.0 + K.imag / omega[:, None, None], K.real, np.full((1, 1), 3.0), ("Heave",)),
+                tmp_path / "fine.nc")
+    for order, lines in ((2, 1), (4, 0)):
+        assert run("fit", tmp_path / "fine.nc", "--order", order, "--out", tmp_path / "fit.json") == 0
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == lines and all("a higher --order than 2, or none, fits closer" in text for text in said)
 
 
 @pytest.mark.filterwarnings("default")

@@ -65,7 +65,7 @@ def fit(args: argparse.Namespace) -> None:
     made.write(args.out)
     assert made.data is not None
     args.notes += [f"{args.hydro}: {note}" for note in made.data.notes[len(data.notes):]]
-    args.notes += poor_fit(made, args.hydro)
+    args.notes += poor_fit(made, made.data, args.hydro)
     say(args, {"order": made.order, "states": made.states, "stable": made.stable, "passive": made.passive,
                "passivity_margin": made.passivity_margin, "relative_error": made.relative_error,
                "out": str(args.out)}, f"{made!r}\nwritten: {args.out}")
@@ -236,15 +236,16 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
                          PREDICTION if predicts else None)
     args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
-        args.notes += poor_fit(body.fit, args.model)
+        args.notes += poor_fit(body.fit, body.hydro or data, args.model)
     return body
 
 
-def poor_fit(made: RadiationFit, source: Path, poor: float = 0.1) -> list[str]:
+def poor_fit(made: RadiationFit, data: HydroData, source: Path, poor: float = 0.1) -> list[str]:
     """Return a sentence where the radiation model is off the file by a relative error of `poor`, else nothing."""
     error = made.relative_error or 0.0
     if not error > poor:        # of a file that does not state it, NaN
         return []
-    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; "
-            "`radiation-ss check` says where these violate the Kramers-Kronig relations (irregular frequencies, "
-            "negative damping)"]
+    cause = ("`radiation-ss check` says what is wrong with these" if data.check().problems else
+             f"a check finds no problem in these, and a higher --order than {made.order}"
+             f"{'' if made.path else ', or none,'} fits closer")
+    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; {cause}"]
