@@ -176,6 +176,8 @@ def test_spikes_are_listed_and_do_not_pull():
     assert not any(s.omega == clean.omega[spiked[1]] for s in fit.suspects)
     K = fit.frequency_response(clean.omega)
     assert np.linalg.norm(K - clean.K) < 0.03 * np.linalg.norm(clean.K)
+    assert fit.whole_error == pytest.approx(rss.audit(fit, fit.data).relative_error)
+    assert f", relative error {fit.relative_error:.4f} ({fit.whole_error:.4f} with the samples that" in str(fit)
 
 
 def test_noise_does_not_couple():

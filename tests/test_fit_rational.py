@@ -100,11 +100,11 @@ def test_unstable_is_never_passive():
 
 def test_json_and_pickle_round_trip(tmp_path):
     a, b, c = observer_form(*TABLE_3["Case-3"][:2])
-    fit = RadiationFit(("Heave",), a, b, c, order=3, points=(7.0,), relative_error=0.02, A_inf=[[2.0]])
+    fit = RadiationFit(("Heave",), a, b, c, order=3, points=(7.0,), relative_error=0.02, whole_error=0.2, A_inf=[[2.0]])
     for again in (read_fit(fit.write(tmp_path / "fit.json")), pickle.loads(pickle.dumps(fit))):
         for name in ("a", "b", "c", "A_inf"):
             assert np.array_equal(getattr(again, name), getattr(fit, name))
-        assert (again.points, again.order, again.relative_error) == (fit.points, 3, 0.02)
+        assert (again.points, again.order, again.relative_error, again.whole_error) == (fit.points, 3, 0.02, 0.2)
     assert_allclose(fit.polynomials("Heave", "Heave")[0], TABLE_3["Case-3"][0])
 
 

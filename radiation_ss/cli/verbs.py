@@ -68,7 +68,7 @@ def fit(args: argparse.Namespace) -> None:
     args.notes += poor_fit(made, made.data, args.hydro)
     say(args, {"order": made.order, "states": made.states, "stable": made.stable, "passive": made.passive,
                "passivity_margin": made.passivity_margin, "relative_error": made.relative_error,
-               "out": str(args.out)}, f"{made!r}\nwritten: {args.out}")
+               "whole_error": made.whole_error, "out": str(args.out)}, f"{made!r}\nwritten: {args.out}")
 
 
 def model(args: argparse.Namespace) -> None:
@@ -248,4 +248,5 @@ def poor_fit(made: RadiationFit, data: HydroData, source: Path, poor: float = 0.
     cause = ("`radiation-ss check` says what is wrong with these" if data.check().problems else
              f"a check finds no problem in these, and a higher --order than {made.order}"
              f"{'' if made.path else ', or none,'} fits closer")
-    return [f"{source}: the fitted radiation model is {error:.0%} (rms) off the file's coefficients; {cause}"]
+    whole = error if np.isnan(made.whole_error) else made.whole_error
+    return [f"{source}: the fitted radiation model is {whole:.0%} (rms) off the file's coefficients; {cause}"]

@@ -74,13 +74,16 @@ def to_dict(fit: RadiationFit) -> dict[str, Any]:
             "a": fit.a.tolist(), "b": fit.b.tolist(), "c": fit.c.tolist(),
             "A_inf": None if fit.A_inf is None else fit.A_inf.tolist(),
             "at_zero": fit.at_zero, "points": list(fit.points), "blocks": [list(block) for block in fit.blocks],
-            "relative_error": None if np.isnan(fit.relative_error) else fit.relative_error}
+            **{name: None if np.isnan(value) else value for name, value in (
+                ("relative_error", fit.relative_error), ("whole_error", fit.whole_error))}}
 
 
 def from_dict(content: dict[str, Any]) -> RadiationFit:
     """Return the fit of `to_dict`; KeyError if a field is missing, InputError if one is of another type."""
     dofs, states = texts(content["dofs"], "dofs"), len(listed(content["a"], "a"))
-    n, A_inf, error = len(dofs), content.get("A_inf"), content.get("relative_error")
+    n, A_inf = len(dofs), content.get("A_inf")
+    relative, whole = (np.nan if content.get(name) is None else number(content[name], name)
+                       for name in ("relative_error", "whole_error"))
     at_zero = content.get("at_zero", "free")
     return RadiationFit(
         dofs=dofs, order=whole_number(content["order"], "order"), method=text(content["method"], "method"),
@@ -89,4 +92,4 @@ def from_dict(content: dict[str, Any]) -> RadiationFit:
         at_zero=at_zero if at_zero in ("free", "zero") else number(at_zero, "at_zero"),
         points=tuple(number(w, "points") for w in listed(content.get("points", []), "points")),
         blocks=tuple(texts(block, "blocks") for block in listed(content.get("blocks", []), "blocks")),
-        relative_error=np.nan if error is None else number(error, "relative_error"))
+        relative_error=relative, whole_error=whole)

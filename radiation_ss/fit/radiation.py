@@ -127,7 +127,7 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     if data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
         warnings.warn(f"{data.source or 'data'}: {skew}", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
-    return fitted.replace(relative_error=error, entry_error=entry_errors(data, K),
+    return fitted.replace(relative_error=error, whole_error=joint_error(data, K), entry_error=entry_errors(data, K),
                           notes=(*notes, *choices.left_out(data, weights, error)))
 
 

@@ -50,6 +50,8 @@ class RadiationFit(Shown):
         ||K - K_fit|| / ||K|| over the data, entries scaled by S^-1 K S^-1 with s_i^2 = max_w |K_ii|, samples weighted
         as in the fit, without motions that do not radiate. More states never make it larger, but for a part in a
         thousand that rounding leaves.
+    whole_error : float
+        The same with all samples alike, as `audit` has it.
     entry_error : ndarray, shape (n, n), optional
         The same for each entry alone, all samples alike.
     data : HydroData, optional
@@ -80,6 +82,7 @@ class RadiationFit(Shown):
     points: tuple[float, ...] = ()
     blocks: tuple[tuple[str, ...], ...] = ()
     relative_error: float = np.nan
+    whole_error: float = np.nan
     entry_error: FloatArray | None = None
     data: HydroData | None = None
     suspects: tuple[Suspect, ...] = ()
@@ -121,6 +124,8 @@ class RadiationFit(Shown):
 
     def __str__(self) -> str:
         error = "" if np.isnan(self.relative_error) else f", relative error {self.relative_error:.4f}"
+        if abs(self.whole_error - self.relative_error) > 5e-5:
+            error += f" ({self.whole_error:.4f} with the samples that were weighted down)"
         names = ", ".join(self.dofs if len(self.dofs) <= 12 else (*self.dofs[:3], "...", self.dofs[-1]))
         return f"RadiationFit of {names}\n  order {self.order}, {self.states} states{error}\n  {self.certificate}"
 
