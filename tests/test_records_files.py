@@ -65,6 +65,8 @@ def test_comments_may_have_a_unit_behind_the_key_and_any_case(tmp_path):
     path = written(tmp_path, "# speed [m/s]: 2\n# Probe [m]: -1.5\n# HEADING: 90\ntime [s],Heave [m]\n0,1\n1,2\n")
     record = rss.read_record(path)
     assert record.speed == 2.0 and dict(record.meta) == {"probe": "-1.5 m", "heading": "90"}
+    with pytest.raises(rss.InputError, match=r"line 3: comment 'heading' says '0', another one .* line 1, '90'"):
+        rss.read_record(written(tmp_path, "# Heading: 90\n# probe: 0\n# heading: 0\ntime [s],Heave [m]\n0,1\n1,2\n"))
     with pytest.raises(rss.InputError, match="comment 'speed': '4 kn' found, m/s needed"):
         rss.read_record(written(tmp_path, "# speed [kn]: 4\ntime [s],Heave [m]\n0,1\n1,2\n"))
 

@@ -23,6 +23,7 @@ from radiation_ss.records.columns import (
     names_channel,
     plain_columns,
 )
+from radiation_ss.records.record import PLACES
 from radiation_ss.units import KNOT
 
 PIECE = 1 << 20          # characters read at once
@@ -100,16 +101,18 @@ def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
 
 def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[int, str]:
     """Return number and text of the header, and take up the comments above it."""
+    lines = dict[str, int]()
     for line, row in enumerate(rows, start=1):
         if row.lstrip().startswith("#"):
             key, value = comment_of(row) or ("", "")
             if not key and (slip := re.match(rf"\s*#\s*({'|'.join(OWN)})\s*[=;]", row, re.IGNORECASE)):
                 raise InputError(f"{where}, line {line}: {row.strip()[:80]!r} is no comment that is read; write "
                                  f"`# {slip[1].lower()}: ...`")
-            if key in OWN and comments.get(key, value) != value:
-                raise InputError(f"{where}, line {line}: comment {key!r} says {value[:80]!r}, another one above it "
-                                 f"{comments[key][:80]!r}")
+            if key in (*OWN, *PLACES) and comments.get(key, value) != value:
+                raise InputError(f"{where}, line {line}: comment {key!r} says {value[:80]!r}, another one above it, in "
+                                 f"line {lines[key]}, {comments[key][:80]!r}")
             comments |= {key: value} if key else {}
+            lines[key] = line
         elif "\0" in row:
             raise InputError(f"{where}, line {line}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 "
                              "as `CSV UTF-8`")
@@ -264,7 +267,7 @@ def comment_of(line: str) -> tuple[str, str] | None:
             pass
     if match["unit"]:
         value = f"{value} {match['unit'].strip()}"
-    return (key.lower() if key.lower() in OWN else key), value
+    return (key.lower() if key.lower() in (*OWN, *PLACES) else key), value
 
 
 def comment_line(key: str, value: str) -> str:
