@@ -96,3 +96,15 @@ def test_about_the_centre_of_gravity_the_body_moves_the_same(depth):
 def test_point_of_a_model_without_data_must_be_said():
     with pytest.raises(rss.InputError, match="origin"):
         coupled_model().at((0.0, 0.0, -1.0))
+
+
+def test_data_of_more_motions_than_the_fit_are_refused():
+    model = coupled_model(("Heave", "Pitch"))
+    omega = np.linspace(0.1, 30.0, 40)
+    K = model.fit.frequency_response(omega)
+    data = rss.HydroData(omega, model.A_inf + K.imag / omega[:, None, None], K.real, model.A_inf, dofs=model.dofs,
+                         M=model.M, C=model.C)
+    heave = model.fit.select(["Heave"])
+    with pytest.raises(rss.InputError, match=r"fit: it is of Heave, and .* Pitch too; take data.select\(\['Heave'\]\)"):
+        rss.cummins(data, heave)
+    assert rss.cummins(data.select("Heave"), heave).input_labels == ["heave_force"]

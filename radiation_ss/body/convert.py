@@ -199,6 +199,9 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     if fit is None:
         raise InputError("fit: missing; make one with fit_radiation(data, order)")
     if isinstance(body, HydroData):
+        if left := [dof for dof in body.dofs if dof not in fit.dofs]:
+            raise InputError(f"fit: it is of {', '.join(fit.dofs)}, and {body.source or 'the data'} has "
+                             f"{', '.join(left)} too; take data.select({list(fit.dofs)})")
         return Model.from_hydro(body, fit)
     return _from_matrices(body, fit)
 
