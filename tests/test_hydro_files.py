@@ -509,6 +509,10 @@ def test_h5_of_somebody_else_is_refused(tmp_path):
         rss.read_hydro(tmp_path / "x.h5")
     path = samples.bemio(samples.body_data(), tmp_path)
     with h5py.File(path, "a") as file:
+        del file["body1/hydro_coeffs/excitation/im"]
+    half = rss.read_hydro(path)
+    assert half.X is None and any("body1/hydro_coeffs/excitation/im missing; X is left" in n for n in half.notes)
+    with h5py.File(path, "a") as file:
         del file["body1/hydro_coeffs/radiation_damping/all"]
     with pytest.raises(rss.InputError, match="radiation_damping/all is missing"):
         rss.read_hydro(path)

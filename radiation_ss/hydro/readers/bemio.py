@@ -64,7 +64,11 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
             notes.append(f"{path}: from {code}, so BEMIO's inf_freq may be its estimate, not a computed limit")
     if there("linear_restoring_stiffness"):
         fields["C"] = block_diag(*np.split(weight * stacked("linear_restoring_stiffness", 6), len(groups)))
-    if there("excitation/re") and there("excitation/im"):
+    halves = [f"{b}/hydro_coeffs/excitation/{part}" for b in groups for part in ("re", "im")]
+    absent = [name for name in halves if name not in file]
+    if 0 < len(absent) < len(halves):
+        notes.append(f"{path}: {', '.join(absent)} missing; X is left out")
+    if not absent:
         angle = _array(path, file, f"{HEAD}/wave_dir").ravel()
         X = stacked("excitation/re", angle.size, nw) + 1j * stacked("excitation/im", angle.size, nw)
         fields |= {"X": weight * X.transpose(2, 1, 0), "directions": np.deg2rad(angle)}
