@@ -35,7 +35,10 @@ def test_an_option_that_there_is_not_is_named():
         rss.DualEnKF(tank(), preset="paper", R="small")
     with pytest.raises(rss.InputError, match="noise: channel 'heave' is unknown; use any of Heave, Heave_velocity"):
         rss.DualEnKF(tank(), noise={"heave": 1e-4})
-    for level in (0.0, -1e-4, np.nan, "a"):
+    one, two = (rss.DualEnKF(tank(), seed=0, noise={"Heave": level}).run(sea_record(1, duration=5.0)[0]).force.mean
+                for level in (1e-4, np.array(1e-4)))
+    assert np.array_equal(one, two)
+    for level in (0.0, -1e-4, np.nan, "a", np.array([1e-4])):
         with pytest.raises(rss.InputError, match=r"noise of Heave: .*above 0"):
             rss.DualEnKF(tank(), noise={"Heave": level})
     with pytest.raises(rss.InputError, match="Q_theta: an option of the paper's filter"):

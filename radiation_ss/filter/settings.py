@@ -96,8 +96,9 @@ class FilterSettings:
         """Refuse noise that is none, or of a channel that there is not: the record's would be taken instead."""
         channels = channel_names(dofs)
         for name, level in (self.noise or {}).items():
-            if not isinstance(level, int | float | np.integer | np.floating) or not 0.0 < level < np.inf:
-                raise InputError(f"noise of {name}: {level!r}; a standard deviation above 0 is needed")
+            plain = level.item() if isinstance(level, np.ndarray) and level.ndim == 0 else level
+            if not isinstance(plain, int | float | np.integer | np.floating) or not 0.0 < plain < np.inf:
+                raise InputError(f"noise of {name}: {level!r}; one standard deviation above 0 is needed")
             if name not in channels:
                 raise InputError(f"noise: channel {name!r} is unknown; use any of {', '.join(channels)}")
 
