@@ -467,3 +467,13 @@ def test_a_force_or_damping_in_another_unit_is_told_by_long_waves(part, times, s
     walls = part == "B" and times > 1.0 and headings == 1  # a body between walls radiates more
     assert (said is None or walls) == (not found)
     assert not found or said in found[0]
+
+
+@pytest.mark.parametrize("ripple", [0.0, 1e-9])
+def test_an_added_mass_that_does_not_vary_with_a_damping_that_does_is_not_causal(ripple):
+    """Measured by what the damping implies, not by the added mass's own range, which is nothing."""
+    omega = np.linspace(0.2, 6.0, 80)
+    A, B = 300.0 + ripple * omega, 500.0 * omega**2 * np.exp(-omega)
+    found = rss.HydroData(omega, A[:, None, None], B[:, None, None], np.array([[300.0]]), ("Heave",)).check()
+    value = next(f.value for f in found.findings if f.kind == "Kramers-Kronig" and f.problem)
+    assert 0.5 < value < 2.0
