@@ -185,5 +185,5 @@ def test_what_all_sensors_of_a_motion_have_in_common_is_one_effect(cause, number
     found = rss.diagnose(PAIR, records[:2], withhold=records[2])
     assert [(e.name, e.dof.split(",")[0]) for e in found.verdict.effects] == [(cause, "Pitch")]
     parameters = found.verdict.effects[0].parameters
-    assert parameters["every"] == (1.0, 0.0)
+    assert parameters["all_sensors"] == (1.0, 0.0)
     assert abs(parameters[number][0] - size) < 4.0 * parameters[number][1] < 0.4 * size

@@ -269,18 +269,18 @@ def inputs() -> list[Effect]:
 
 
 def sensors() -> list[Effect]:
-    """Faults of the motion's sensors; `every` is 1 where they are those of all its sensors, 0 of the displacement's."""
-    every = P("1", 0, starts=lambda s: (0.0, 1.0), fixed=True)
+    """Faults of the motion's sensors: of the displacement's, or with `all_sensors` = 1 of every one."""
+    all_sensors = P("1", 0, starts=lambda s: (0.0, 1.0), fixed=True)
     late: dict[str, Any] = {"clock_out": lambda s, p: s.t - p.delay, "family": "sensor", "linear": True,
                             "needs": "force"}
     return [
-        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.1)), "every": every}, **late,
+        Effect("sensor_delay", {"delay": P("s", 1, of_period(0.1)), "all_sensors": all_sensors}, **late,
                summary="the displacement's sensor reads late, or every sensor of the motion"),
         Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.1))}, **late, scope="body", common=True,
                summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
         Effect("clock_offset", {"delay": P("s", 0, of_period(0.1))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
-        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.3), "every": every},
+        Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.3), "all_sensors": all_sensors},
                output=lambda s, p: (1.0 + p.gain) * s.y, family="sensor", linear=True,
                summary="the displacement's sensor, or every one of the motion, reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
@@ -288,7 +288,7 @@ def sensors() -> list[Effect]:
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},
                clock_out=lambda s, p: s.t * (1.0 + p.rate), scope="body", family="sensor", linear=True, needs="force",
                summary="the sensor's clock runs fast or slow"),
-        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.1 * s.x / s.second.x), "every": every},
+        Effect("cross_axis", {"share": P("X/Y", 0, lambda s: 0.1 * s.x / s.second.x), "all_sensors": all_sensors},
                output=lambda s, p: s.y + p.share * s.other.y, scope="directed", family="sensor", linear=True,
                summary="the sensor reads a part of the other motion"),
     ]

@@ -212,7 +212,7 @@ class Active:
     @property
     def of_every_sensor(self) -> bool:
         """Whether all sensors of a motion read so, not that of its displacement alone."""
-        return (self.effect.clock_out is not None and self.dof == "") or self.values.get("every", 0.0) == 1.0
+        return (self.effect.clock_out is not None and self.dof == "") or self.values.get("all_sensors", 0.0) == 1.0
 
     def bound(self, model: Any) -> "Active":
         """Return it with what its effect takes from the model, as copies of the radiation's states."""

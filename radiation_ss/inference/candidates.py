@@ -130,7 +130,7 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = [Active(effect, dof, dict(zip(effect.parameters, map(float, s))), other) for s in product(*grids)]
     if not any(place.order >= 0 and place.dof in map(problem.model.dofs.index, moving) for place in problem.places):
-        shapes = [shape for shape in shapes if shape.values.get("every") != 1.0]  # there is one sensor
+        shapes = [shape for shape in shapes if shape.values.get("all_sensors") != 1.0]  # there is one sensor
     symbols: dict[Form, Symbols] = {}
     for active in (shape.bound(problem.model) for shape in shapes):
         if active.form not in symbols:

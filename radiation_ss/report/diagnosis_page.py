@@ -200,7 +200,7 @@ def ledger(found: Diagnosis) -> Figure:
 def described(effect: Named) -> str:
     """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
     numbers = ", ".join(f"{name} {with_error(value, std, effect.units.get(name, ''))}"
-                        for name, (value, std) in effect.parameters.items() if std > 0.0)
+                        for name, (value, std) in effect.parameters.items())
     where = f" on {effect.dof}" if effect.dof else ""
     return f"{effect.name}{where}" + (f" ({numbers})" if numbers else "")
 
