@@ -174,7 +174,7 @@ class SensorChain:
     def __init__(self, rollout: Rollout, channel: Channel) -> None:
         dofs = rollout.model.dofs
         p = ca.SX.sym("p", rollout.np)
-        touching = [(a, values) for a, values in rollout.equations.of(p) if a.effect.sensor
+        touching = [(a, values) for a, (_, values) in zip(rollout.actives, rollout.equations.of(p)) if a.effect.sensor
                     and a.dof in (dofs[channel.dof], "")
                     and (channel.quantity == "displacement" or a.of_every_sensor)]
         self.dofs = [channel.dof] + [dofs.index(a.other) for a, _ in touching if a.other]
