@@ -152,8 +152,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
 def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
     """Return the free motion in the records, without what is not measured, and a sentence on all that was left out."""
     kept: list[Record] = []
-    notes = [text for record in records
-             for text in (*suspicions(record, stated=False), *doubts(model, record))]
+    notes = [text for record in records for text in (
+        *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
         found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
