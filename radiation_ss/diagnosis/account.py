@@ -145,7 +145,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
 
     causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
     causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
-                   {n: (v, s) for (n, v), s in zip(a.values.items(), stds) if s > 0.0})
+                   numbers_told(a, stds))
                for a, stds in zip(best.effects, best.effects_std)]
     drifts = {len(causes) + k: {at: top for at, top in below.items() if model.dofs[at[1]] == row.dof}
               for k, row in enumerate(slow)}
@@ -170,6 +170,12 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
 def grown(error: Error, times: float = 100.0) -> bool:
     """Whether a prediction has left the motion by so many times its size."""
     return bool(np.abs(error.error).max() > times * max(np.abs(error.measured).max(), error.least))
+
+
+def numbers_told(active: Active, stds: Sequence[float]) -> dict[str, tuple[float, float]]:
+    """Return the numbers of an effect that are fitted, and those of its shape that are chosen, with deviations."""
+    chosen = {n for n, p in active.effect.parameters.items() if p.fixed and p.unit == "1" and active.values.get(n)}
+    return {n: (v, s) for (n, v), s in zip(active.values.items(), stds) if s > 0.0 or n in chosen}
 
 
 def place(active: Active) -> str:

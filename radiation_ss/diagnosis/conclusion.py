@@ -15,6 +15,7 @@ from radiation_ss.diagnosis.account import (
     farthest,
     first,
     numbers,
+    numbers_told,
     of_size,
     place,
     predictable,
@@ -225,9 +226,7 @@ def name(problem: EquationError, active: Active, stds: Sequence[float], chance: 
     """Return an effect with numbers and units."""
     second = active.other or active.dof
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
-    chosen = {n for n, p in active.effect.parameters.items() if p.fixed and p.unit == "1" and active.values.get(n)}
-    values = {n: (v, s) for (n, v), s in zip(active.values.items(), stds) if s > 0.0 or n in chosen}
-    return Named(active.name, place(active), values, units, chance)
+    return Named(active.name, place(active), numbers_told(active, stds), units, chance)
 
 
 def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:
