@@ -107,11 +107,11 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
         return [np.concatenate([rows[place[id(test.record)]][order] for order, name in enumerate(QUANTITIES)
                                 if order == 0 or name in test.quantities]) for test in tests]
 
-    beside_all = [Beside.of(*parts) for parts in zip(read(nominal), read(unknown))]
+    own_numbers = [Beside.of(*parts) for parts in zip(read(nominal), read(unknown))]
 
     def seen(changes: Sequence[FloatArray]) -> FloatArray:
         """Return each test's information on the model's own numbers and on effects that make changes."""
-        return np.stack([known.information(J) for known, J in zip(beside_all, read(changes))])
+        return np.stack([known.information(J) for known, J in zip(own_numbers, read(changes))])
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
@@ -171,7 +171,8 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
     nuisance = np.concatenate([common[:, own:], *lone, absorbed(problem)], axis=1)
     ends = own + np.cumsum([term.columns.count for term in terms])
     places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
-    return Information(tuple(terms), places, own, marginal(J, nuisance / np.sqrt(variance)[:, None])[None])
+    known = Beside.of(J, nuisance / np.sqrt(variance)[:, None])
+    return Information(tuple(terms), places, own, known.information(J[:, :0])[None])
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
@@ -213,13 +214,6 @@ class Beside:
         return cls(columns, hiding, hiding.T @ columns)
 
     def information(self, J: FloatArray) -> FloatArray:
-        """Return the information on the columns and those of J, as `marginal` does of both."""
+        """Return the information on the columns and those of J, the nuisances unknown."""
         both, hidden = np.hstack([self.columns, J]), np.hstack([self.hidden, self.hiding.T @ J])
         return both.T @ both - hidden.T @ hidden
-
-
-def marginal(J: FloatArray, nuisance: FloatArray) -> FloatArray:
-    """Return J'J with nuisance columns of unit prior variance marginalised."""
-    there = np.any(nuisance, axis=0)
-    N = nuisance[:, there]
-    return beside(J.T @ J, N.T @ J, N.T @ N + np.eye(N.shape[1]))
