@@ -58,6 +58,17 @@ def test_budget_of_known_parts(seed):
     assert found.before == pytest.approx(np.sqrt(total / np.mean(measured**2)))
 
 
+@pytest.mark.parametrize("taken, helped", [(0.5, True), (-0.1, False)])
+def test_effects_help_where_they_take_a_part_of_the_gap_away(taken, helped):
+    gap = np.sin(1.3 * TIME)
+
+    def predict(parts):
+        return [Error("unseen", 0, "displacement", TIME, np.cos(TIME), gap * (1.0 - taken * (0 in parts)))]
+
+    row = Row("linear_damping", "Surge", 0.0, (0.0, 0.0), 0.9)
+    assert budget([row], predict, [0.0], ["Surge"], 5.0, np.random.default_rng(0)).helped is helped
+
+
 def test_what_two_effects_make_against_each_other():
     """One takes twice the gap away and the other gives it back once: energies 1, 1, 4 and 0, so shares 2 and -1."""
     gap = np.sin(1.3 * TIME)

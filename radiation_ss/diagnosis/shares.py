@@ -90,6 +90,11 @@ class Budget(Brief):
         return self.before * float(np.sqrt(max(share, 0.0)))
 
     @property
+    def helped(self) -> bool:
+        """Whether all effects together account for a part of the gap that the retuned model leaves."""
+        return sum(row.share for row in self.rows if row.inclusion is not None) > 0.0
+
+    @property
     def against(self) -> float:
         """Share of the gap's energy that several effects surely make against each other."""
         effects = [row for row in self.rows if row.inclusion is not None]

@@ -144,7 +144,7 @@ def effects() -> list[Effect]:
         Effect("quadratic_drag", {"coefficient": P("F/(X/s)^2", 1)}, lambda s, p: -p.coefficient * ca.fabs(s.v) * s.v,
                summary="separation and eddies: -c |v| v"),
         Effect("linear_damping", {"coefficient": P("F/(X/s)", 1, lower=lambda s: -s.damping)},
-               lambda s, p: -p.coefficient * s.v, linear=True,
+               lambda s, p: -p.coefficient * s.v, linear=True, rare=lambda values: values.get("coefficient", 0.0) < 0.0,
                summary="viscous friction, power take-off: -b v; less than 0 where the model has too much"),
         Effect("coulomb_friction",
                {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},

@@ -100,9 +100,10 @@ class Weighing:
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
         evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules)
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
-        prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume for term in candidate.terms)
-        prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         point = trial.parameters(q)
+        prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume
+                    for term in trial.at_numbers(candidate.terms, point))
+        prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         sizes = replace(candidate.posterior.sizes, tolerance=trial.tolerance)
         candidate = replace(candidate, posterior=replace(candidate.posterior, sizes=sizes), point=point)
         return Weighed(candidate, float(evidence + prior), dict(zip(names(trial), point.tolist())),

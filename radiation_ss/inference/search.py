@@ -253,7 +253,7 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
                               near=None if near is None else carried_over(problem, near, terms, columns),
                               **({} if learned else {"steps": 0})),
                         variance=none, noise=none, residual=none)
-    prior = sum(log_prior(term, rules, present) for term in terms)
+    prior = sum(log_prior(term, rules, present) for term in with_strengths(problem, terms, posterior.mean))
     return Candidate(tuple(terms), posterior, float(posterior.log_evidence + prior), learned)
 
 
@@ -262,6 +262,17 @@ def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> fl
     chance = rules.rare if term.active.rare else rules.inclusion
     odds = 0.0 if term.active.name in present else np.log(chance / (1.0 - chance))
     return float(odds - np.log(term.shapes) + term.volume)
+
+
+def with_strengths(problem: EquationError, terms: Sequence[Term], unknowns: FloatArray) -> list[Term]:
+    """Return the terms with the strengths that are found, those that have one for all records."""
+    found, at = [], problem.base.count
+    for term in terms:
+        names = term.strengths if term.columns.count == len(term.strengths) else []
+        values = {**term.active.values, **dict(zip(names, unknowns[at:].tolist()))}
+        found.append(replace(term, active=replace(term.active, values=values)))
+        at += term.columns.count
+    return found
 
 
 def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Sequence[str],

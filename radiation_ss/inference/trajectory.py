@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,15 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
-from radiation_ss.inference.candidates import Candidate, FittedSet, Key, from_regression, scales_at, unseen_strengths
+from radiation_ss.inference.candidates import (
+    Candidate,
+    FittedSet,
+    Key,
+    Term,
+    from_regression,
+    scales_at,
+    unseen_strengths,
+)
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion_rows import weights_of_motion
@@ -149,6 +158,13 @@ class Trajectories:
             total += np.bincount(dofs, square, total.size)
             count += np.bincount(dofs, np.concatenate([power[p.rows] for p in places]), total.size)
         return total * self.noise**2, count
+
+    def at_numbers(self, terms: Sequence[Term], point: FloatArray) -> list[Term]:
+        """Return the terms with their numbers among nominal numbers and effects' parameters."""
+        ends = self.rollout.offsets
+        found = {(a.name, a.dof, a.other): a.with_values(point[i:j].tolist())
+                 for a, i, j in zip(self.actives, ends[:-1], ends[1:])}
+        return [replace(term, active=found.get(term.key, term.active)) for term in terms]
 
     def of_effects(self) -> dict[Key, np.ndarray]:
         """Return the positions of each effect's parameters among the unknowns."""
