@@ -12,7 +12,15 @@ from scipy.signal import lsim
 
 import radiation_ss as rss
 from radiation_ss.effects import Parameter, activate, effect_named, fractional, tolerances
-from radiation_ss.inference import equation_error, features, joined, measured_motion, terms_of, unseen_strengths
+from radiation_ss.inference import (
+    Symbols,
+    equation_error,
+    features,
+    joined,
+    measured_motion,
+    terms_of,
+    unseen_strengths,
+)
 
 
 @pytest.mark.parametrize("frequency", [8.0, 40.0, 160.0])
@@ -21,7 +29,7 @@ def test_own_states_that_are_fast_for_the_sampling_follow_their_equation(frequen
     record = rss.Record(time, {"Heave": 0.02 * np.exp(-0.1 * time) * np.cos(6.0 * time)}, kind="decay")
     run = measured_motion(model, record)
     active, = activate([("viscous_memory", {"coefficient": 1.0, "frequency": frequency})], ("Heave",))
-    (feature,), = features(model, active, [run])
+    (feature,), = features(Symbols(model, active), active, [run])
     poles, whole, residues = fractional(3)
     v = run.v[0]
     wanted = -whole * v

@@ -13,7 +13,6 @@ from radiation_ss.design.programme import PlannedTest, Simulated, simulated
 from radiation_ss.effects import Effect
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.inference.candidates import Term, slabs_of, terms_of
-from radiation_ss.inference.effect_features import Symbols
 from radiation_ss.inference.equation import equation_error
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import projected
@@ -95,7 +94,7 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
     plan = simulated(model, records, full, noise)
     problem = equation_error(model, plan.runs, tolerance)
     # What every effect is seen beside, in each record: changes by the model's own numbers, and by unknown starts.
-    own = [[part * number.spread for part in plan.by(number.active)]
+    own = [[part * number.spread for part in plan.by(number.active, problem.symbols(number.active))]
            for number in nominal_effects(model, tolerance, force=problem.forced)]
     nominal = [np.concatenate(changes, axis=-1) for changes in zip(*own)]
     unknown = [plan.unknown(r) for r in range(len(records))]
@@ -115,14 +114,12 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
     terms = terms_of(problem, effects)
-    forms = {term.active.form: term.active for term in terms}
-    symbols = {form: Symbols(model, active) for form, active in forms.items()}
     for term in terms:
         effect = term.active.effect  # changes by one prior standard deviation of each strength
         slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
         spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
         spread = np.tile(spread, len(plan.runs)) if effect.per_record else spread
-        change = [part * spread for part in plan.by(term.active, effect.per_record, symbols[term.active.form])]
+        change = [part * spread for part in plan.by(term.active, problem.symbols(term.active), effect.per_record)]
         if gap is not None:
             factor = size_for(gap, plan, change, full)
             change = [part * factor for part in change]

@@ -186,11 +186,11 @@ class Simulated:
             found.append(np.concatenate([*rows, np.zeros((0, change.shape[-1]))]))
         return found
 
-    def by(self, active: Active, per_record: bool = False, symbols: Symbols | None = None) -> list[FloatArray]:
+    def by(self, active: Active, symbols: Symbols, per_record: bool = False) -> list[FloatArray]:
         """Return changes (3, n, nt, K) in each record by each strength, or with `per_record` by each strength and
         record.
         """
-        strengths = features(self.model, active, self.runs, symbols)
+        strengths = features(symbols, active, self.runs)
         found = []
         for r, run in enumerate(self.runs):
             force = np.stack([by_record[r].force for by_record in strengths], axis=-1)

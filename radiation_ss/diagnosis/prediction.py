@@ -10,7 +10,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.effect_features import features
+from radiation_ss.inference.effect_features import Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
@@ -98,7 +98,7 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     force = (model.M + model.A_inf) @ motion.a + model.D @ motion.v + motion.memory + model.C @ motion.x
     for active in actives:
         strengths = [name for name, p in active.effect.parameters.items() if p.strength]
-        for name, found in zip(strengths, features(model, active, [motion])):
+        for name, found in zip(strengths, features(Symbols(model, active), active, [motion])):
             value = active.values.get(name, 0.0)
             force = force - value * (found[0].force + model.C @ found[0].reading)
     # What the motion does beyond the record's ends reaches into the acceleration by half a test function.

@@ -3,7 +3,7 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "effect_features": "features",
+    "effect_features": "Symbols features",
     "candidates": "terms_of unseen_strengths",
     "equation": "equation_error",
     "motion_rows": "compliance",

@@ -13,7 +13,7 @@ from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.effect_features import Symbols, features, features_of
+from radiation_ss.inference.effect_features import features, features_of
 from radiation_ss.inference.linear_model import Columns, Posterior, joined
 from radiation_ss.inference.problem import EquationError, Filling
 from radiation_ss.inference.stored import ByRecord, Shelf
@@ -21,7 +21,6 @@ from radiation_ss.inference.stored import ByRecord, Shelf
 Key = tuple[str, str, str]  # name and places of an effect
 Kind = tuple[Key, tuple[float, ...]]  # with the numbers that are chosen, not fitted
 Keys = frozenset[Key]
-Form = tuple[int, str, str]  # what equations in symbols depend on, see `Active.form`
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +130,8 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
     shapes = [Active(effect, dof, dict(zip(effect.parameters, map(float, s))), other) for s in product(*grids)]
     if not any(place.order >= 0 and place.dof in map(problem.model.dofs.index, moving) for place in problem.places):
         shapes = [shape for shape in shapes if shape.values.get("all_sensors") != 1.0]  # there is one sensor
-    symbols: dict[Form, Symbols] = {}
     for active in (shape.bound(problem.model) for shape in shapes):
-        if active.form not in symbols:
-            symbols[active.form] = Symbols(problem.model, active)
-        columns = term_columns(problem, active, slabs, symbols[active.form])
+        columns = term_columns(problem, active, slabs)
         if columns is not None:
             yield Term(active, columns, sum(shape.rare == active.rare for shape in shapes))
 
@@ -159,14 +155,13 @@ def slabs_of(problem: EquationError, effect: Effect, dof: str, other: str) -> di
         return None
 
 
-def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab],
-                 symbols: Symbols | None = None) -> Columns | None:
+def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab]) -> Columns | None:
     """Return the columns of a term; None if these records do not show it. Records are taken one after the other."""
     effect = active.effect
     strengths = [name for name, p in effect.parameters.items() if p.strength]
     linear = effect.linear or effect.family == "offset"
     made = [Filling(problem, linear) for _ in strengths]
-    for r, found in enumerate(features_of(problem.model, active, problem.runs, symbols)):
+    for r, found in enumerate(features_of(problem.symbols(active), active, problem.runs)):
         for filling, feature in zip(made, found):
             if not (np.isfinite(feature.force).all() and np.isfinite(feature.reading).all()):
                 return None
@@ -265,7 +260,8 @@ def own_force(problem: EquationError, candidate: Candidate, r: int) -> FloatArra
     for term in candidate.terms:
         if term.active.effect.per_record and term.active.effect.force is not None:
             mine = np.asarray(term.columns.values[rows[0].start:rows[-1].stop])
-            for k, of_record in zip(np.flatnonzero(np.any(mine, axis=0)), features(problem.model, term.active, [run])):
+            found = features(problem.symbols(term.active), term.active, [run])
+            for k, of_record in zip(np.flatnonzero(np.any(mine, axis=0)), found):
                 force += candidate.posterior.mean[at + k] * of_record[0].force
         at += term.columns.count
     return force

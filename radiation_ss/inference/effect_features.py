@@ -36,22 +36,20 @@ class Feature:
     alike: bool = False  # Whether a motion's other sensors are read so, too
 
 
-def features(model: Model, active: Active, runs: Sequence[MeasuredMotion],
-             symbols: "Symbols | None" = None) -> list[list[Feature]]:
+def features(symbols: "Symbols", active: Active, runs: Sequence[MeasuredMotion]) -> list[list[Feature]]:
     """Return the features of each strength in each record, indexed [strength][record].
 
-    `symbols` of the same effect and place, with any numbers, save the time to make them.
+    `symbols` are those of the same effect on the same place, with any numbers.
     """
-    return [list(by_record) for by_record in zip(*features_of(model, active, runs, symbols))]
+    return [list(by_record) for by_record in zip(*features_of(symbols, active, runs))]
 
 
-def features_of(model: Model, active: Active, runs: Sequence[MeasuredMotion],
-                symbols: "Symbols | None" = None, responses: bool = True) -> Iterator[list[Feature]]:
+def features_of(symbols: "Symbols", active: Active, runs: Sequence[MeasuredMotion],
+                responses: bool = True) -> Iterator[list[Feature]]:
     """Yield the features of each strength record by record: along long records all of them together are large.
 
     Without `responses` these have no frequencies.
     """
-    symbols = symbols or Symbols(model, active)
     strengths = [k for k, p in enumerate(active.effect.parameters.values()) if p.strength]
     return (along(symbols, active, strengths, run, run.omega_fine if responses else np.zeros(0)) for run in runs)
 

@@ -82,11 +82,11 @@ def base_columns(problem: EquationError, tolerance: Mapping[str, float],
     """Return what every candidate has in all records: nominal numbers, coherent errors."""
     model, labels, parts = problem.model, [], []
     for own in nominal_effects(model, tolerance, force=problem.forced):
-        found = features_of(model, own.active, problem.runs)
+        found = features_of(problem.symbols(own.active), own.active, problem.runs)
         parts.append(columns_of(problem, (of_record[0] for of_record in found), own.spread, TOLERANCE, linear=True))
         labels.append(f"{own.active.name}|{own.active.dof}|{own.active.other}")
     for active in couplings_by_symmetry(model):
-        found = features_of(model, active, problem.runs)
+        found = features_of(problem.symbols(active), active, problem.runs)
         parts.append(columns_of(problem, (of_record[0] for of_record in found), discrepancy.symmetry, linear=True))
         labels.append(f"asymmetry|{active.dof}|{active.other}")
     if model.hydro is not None:

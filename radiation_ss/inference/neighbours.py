@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.inference.candidates import Form, Key, Term, twins
-from radiation_ss.inference.effect_features import Symbols, features_of
+from radiation_ss.inference.candidates import Key, Term, twins
+from radiation_ss.inference.effect_features import features_of
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.score import Score, alike, products
 from radiation_ss.inference.search import SearchRules, log_prior
@@ -42,13 +42,12 @@ class Neighbour:
 
 @dataclass(frozen=True, eq=False)
 class Proposing:
-    """What sets are proposed from: the terms, what is made of each effect on its place, and the log odds asked."""
+    """What sets are proposed from: the terms and the log odds asked."""
 
     terms: Sequence[Term]
     rules: SearchRules
     promise: float
     present: Sequence[str] = ()
-    symbols: dict[Form, Symbols] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
             for out in own if out.key in at and out.active.name not in known.present]
     found = [b.alone() for b in less]
     new = [t for t in known.terms if t.key not in trial.candidate.keys and not t.active.effect.per_record]
-    for added in columns(trial, q, now, new, known.symbols):
+    for added in columns(trial, q, now, new):
         some = [new[i] for i in added.score.at]
         for b in [Base(own, theories, base)] * (len(own) < rules.most) + less:
             found += b.beside(added, some, q, known)
@@ -97,19 +96,15 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
                   key=lambda n: -n.log_odds)
 
 
-def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term],
-            symbols: dict[Form, Symbols]) -> Iterator[Added]:
+def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term]) -> Iterator[Added]:
     """Yield what the terms add to the readings of a fit, those of as many strengths together."""
-    errors, model = trial.errors(q), trial.problem.model
-    for term in terms:
-        if term.active.form not in symbols:
-            symbols[term.active.form] = Symbols(model, term.active)
+    errors, symbols = trial.errors(q), trial.problem.symbols
     runs, kernels = simulated(trial, q), linear_theory(trial, q)
     for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
         k = terms[some[0]].columns.count
         slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
         cross = np.zeros((q.size, len(some) * k))
-        made = [features_of(model, terms[i].active, runs, symbols[terms[i].active.form], responses=False) for i in some]
+        made = [features_of(symbols(terms[i].active), terms[i].active, runs, responses=False) for i in some]
         for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)

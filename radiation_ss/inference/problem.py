@@ -10,9 +10,9 @@ from scipy.sparse import csc_array, csr_array
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
-from radiation_ss.effects.definition import Scales
+from radiation_ss.effects.definition import Active, Scales
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.effect_features import Feature
+from radiation_ss.inference.effect_features import Feature, Symbols
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -61,6 +61,16 @@ class EquationError:
     scales: Mapping[str, Scales] = field(default_factory=dict)  # mapping of dof to Scales
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
     ties: csr_array | None = None  # (N, N): What each row is with multiples of other motions' rows added: see `tied`
+
+    @cached_property
+    def _symbols(self) -> dict[tuple[int, str, str], Symbols]:
+        return {}
+
+    def symbols(self, active: Active) -> Symbols:
+        """Return an effect's expressions on its place: made once, they take any numbers."""
+        if active.form not in self._symbols:
+            self._symbols[active.form] = Symbols(self.model, active)
+        return self._symbols[active.form]
 
     def mixed(self, values: FloatArray) -> FloatArray:
         """Return rows of the equation of motion, shape (N, ...), with other motions' rows added."""
