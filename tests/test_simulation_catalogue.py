@@ -75,8 +75,8 @@ def integrated(model, extra, force):
 @pytest.mark.parametrize("effect, extra", [
     (("morison_drag", {"coefficient": 200.0}),
      lambda t, x, v, h, w: -200.0 * abs(v - w) * (v - w)),
-    (("linear_morison_drag", {"coefficient": 20.0, "attenuation": 0.2}),
-     lambda t, x, v, h, w: -20.0 * (v - w + 0.2 * (1.0 - np.exp(-5.0**2 / 9.81 * CUBE)) * w)),
+    (("linear_morison_drag", {"coefficient": 20.0, "depth": 0.2}),
+     lambda t, x, v, h, w: -20.0 * (v - np.exp(-5.0**2 / 9.81 * 0.2 * CUBE) * w)),
     (("wave_stiffness", {"in_phase": 6000.0, "quadrature": 300.0}),
      lambda t, x, v, h, w: -(6000.0 * h + 300.0 * w) * x),
     (("end_stop", {"stiffness": 2000.0, "gap": 2e-3, "width": 1e-6}),

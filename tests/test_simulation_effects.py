@@ -240,7 +240,7 @@ def test_linear_and_other_force_add_up_to_the_equation_of_motion(name):
         here = SimpleNamespace(x=s[m + 1], v=s[m + n + 1], a=a[1], u=force[1], t=t, memory=(model.fit.c @ s[:m])[1],
                                speed=driven[-1], elevation=driven[n % driven.size], elevation_rate=0.0,
                                envelope=driven[(n + 1) % driven.size], orbital=driven[min(n + 3, driven.size - 1)],
-                               below=driven[min(2 * n + 3, driven.size - 1)])
+                               below=[driven[min((k + 2) * n + 3, driven.size - 1)] for k in range(3)])
         effects = np.array([0.0, float(numeric(effect.force(here, named(effect, list(p)))))])
         inertia = model.M + model.A_inf
         assert np.allclose(inertia @ a, passive + force + effects, rtol=1e-9, atol=1e-9 * np.abs(passive).max())

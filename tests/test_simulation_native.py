@@ -49,10 +49,10 @@ def test_waves_are_inputs_where_an_effect_needs_them():
     model = tank_model()
     system = nonlinear_system(model, [("morison_drag", {"coefficient": 100.0})])
     assert system.input_labels == ["heave_force", "wave_elevation", "wave_elevation_rate", "wave_envelope",
-                                   "heave_orbital", "heave_orbital_below"]
-    drag = nonlinear_system(model, [("morison_drag", {"coefficient": 100.0, "attenuation": 0.25})])
-    for one, flow in ((system, 0.3), (drag, 0.75 * 0.3 + 0.25 * 0.1)):
-        still = one.output(0.0, np.zeros(5), np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.1]))
+                                   "heave_orbital", *(f"heave_orbital_below_{k}" for k in (1, 2, 3))]
+    drag = nonlinear_system(model, [("morison_drag", {"coefficient": 100.0, "depth": 2.0 / 3.0})])
+    for one, flow in ((system, 0.3), (drag, 0.15)):
+        still = one.output(0.0, np.zeros(5), np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.2, 0.15, 0.1]))
         assert still[2] == pytest.approx(100.0 * flow**2 / (model.M + model.A_inf)[0, 0])
 
 

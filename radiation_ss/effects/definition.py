@@ -14,6 +14,8 @@ from radiation_ss.hydro.data import body, mode
 
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
+# Where the flow of the waves is known, below the surface, in shares of the edge of a cube of the body's displacement
+DEPTHS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 SCOPES = ("dof", "body", "pair", "directed", "between")
 
 
@@ -28,11 +30,11 @@ class Effect:
     force : callable (s, p) -> expression, optional
         Force added to the equation of motion [N or N m]. `s` has x, v, a (displacement, velocity, acceleration), u
         (exciting force), t, memory (radiation force), elevation with its elevation_rate and envelope, orbital (velocity
-        of the linear wave along the degree of freedom; of its slope for rotations) and below, that at the depth of the
-        hull, speed of the effect's degree of freedom, `s.other` (the second one of a pair), `s.all` (all of them) and z
-        (the effect's own states). May depend on a linearly. Of two degrees of freedom: the force on the first, or the
-        forces on both. With scope "between", x, v, a are the first motion minus the second, and the force on the second
-        is the opposite.
+        of the linear wave along the degree of freedom; of its slope for rotations) and below, those at each other
+        of `DEPTHS`, speed of the effect's degree of freedom, `s.other` (the second one of a pair), `s.all` (all of
+        them) and z (the effect's own states). May depend on a linearly. Of two degrees of freedom: the force on the
+        first, or the forces on both. With scope "between", x, v, a are the first motion minus the second, and
+        the force on the second is the opposite.
     rates : callable (s, p) -> list of expressions, optional
         Time derivatives of the effect's own states z.
     states : int
@@ -253,13 +255,13 @@ def typical_force(effect: Effect, scales: Scales, values: Sequence[float]) -> fl
 def in_harmonic_motion(effect: Effect, scales: Scales, phase: FloatArray) -> SimpleNamespace:
     """Return the signals of a degree of freedom that moves as x = sqrt(2) rms cos(phase)."""
     cosine, sine = np.sqrt(2.0) * np.cos(phase), np.sqrt(2.0) * np.sin(phase)
+    flow = scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0)
     return SimpleNamespace(x=scales.x * cosine, v=-scales.v * sine, a=-scales.a * cosine,
                            u=np.sqrt(2.0) * scales.u * np.cos(phase + 1.0), t=phase / scales.omega,
                            elevation=scales.elevation * np.sqrt(2.0) * np.cos(phase + 1.0),
                            elevation_rate=-scales.omega * scales.elevation * np.sqrt(2.0) * np.sin(phase + 1.0),
                            envelope=np.sqrt(2.0) * scales.elevation * np.ones(phase.size),
-                           orbital=scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0),
-                           below=0.5 * scales.orbital * np.sqrt(2.0) * np.cos(phase + 1.0), dof="", speed=scales.speed,
+                           orbital=flow, below=[0.5**at * flow for at in DEPTHS[1:]], dof="", speed=scales.speed,
                            memory=-scales.force * sine, y=scales.x * cosine, z=[scales.x * sine] * effect.states,
                            scales=scales)
 

@@ -1,5 +1,6 @@
 """Further effects: of waves and viscous flow, of joints between two bodies, of machinery, of material, of time."""
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -10,7 +11,7 @@ from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.catalogue import bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
-from radiation_ss.effects.definition import Effect, Parameter, Scales
+from radiation_ss.effects.definition import DEPTHS, Effect, Parameter, Scales
 
 P = Parameter
 
@@ -22,18 +23,17 @@ def effects() -> list[Effect]:
 
 def hydrodynamic() -> list[Effect]:
     """Return the effects of waves and viscous flow."""
-    # The water is slower at the depth where the flow separates than at the surface, short waves' most, or faster beside
-    # a hull.
-    depth = P("1", 0, lambda s: 0.3, lambda s: (0.0, 0.3), lower=-1.0, upper=1.0)
+    # The water is slower at the depth where the flow separates than at the surface, short waves' most.
+    depth = P("1", 0, lambda s: 0.3, lambda s: (0.0, 0.3), lower=0.0, upper=1.0)
     return [
         Effect("morison_drag",
-               {"coefficient": P("F/(X/s)^2", 1), "attenuation": depth},
+               {"coefficient": P("F/(X/s)^2", 1), "depth": depth},
                lambda s, p: -p.coefficient * ca.fabs(relative_to_water(s, p)) * relative_to_water(s, p),
                needs="waves", rare=True,
-               summary="drag of the velocity relative to the water's: -c |u| u, u = v - w + q (w - w_d), w the linear "
-                       "wave's orbital velocity at the surface, w_d at the depth of the hull (Morison et al. 1950)"),
+               summary="drag of the velocity relative to the water's: -c |u| u, u = v - w, w the linear wave's orbital "
+                       "velocity at a depth, in shares of (m / rho)^(1/3) (Morison et al. 1950)"),
         Effect("linear_morison_drag",
-               {"coefficient": P("F/(X/s)", 1), "attenuation": depth},
+               {"coefficient": P("F/(X/s)", 1), "depth": depth},
                lambda s, p: -p.coefficient * relative_to_water(s, p), linear=True, needs="waves", rare=True,
                summary="linear damping of the velocity relative to the water's, of perforated walls or a drag made "
                        "linear: -c u, u as in morison_drag"),
@@ -92,8 +92,12 @@ def hydrodynamic() -> list[Effect]:
 
 
 def relative_to_water(s: Any, p: Any) -> Any:
-    """Return the velocity relative to the water's at the depth of a drag."""
-    return s.v - s.orbital + p.attenuation * (s.orbital - s.below)
+    """Return the velocity relative to the water's at the depth of a drag: a cubic between those that are known."""
+    flow = 0.0
+    for at, velocity in zip(DEPTHS, (s.orbital, *s.below)):
+        others = [other for other in DEPTHS if other != at]
+        flow = flow + velocity * math.prod((p.depth - other) / (at - other) for other in others)
+    return s.v - flow
 
 
 def gyradius(s: Scales) -> float:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.acting import Action, acting
-from radiation_ss.effects.definition import Active, named
+from radiation_ss.effects.definition import DEPTHS, Active, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled
@@ -136,7 +136,8 @@ class Symbols:
         self.x, self.v, self.a, self.u = (ca.SX.sym(name, n) for name in "xvau")
         self.memory, self.radiation = ca.SX.sym("memory", n), ca.SX.sym("radiation", m)
         self.t, self.elevation, self.elevation_rate = ca.SX.sym("t"), ca.SX.sym("eta"), ca.SX.sym("rate")
-        self.envelope, self.orbital, self.speed = ca.SX.sym("envelope"), ca.SX.sym("orbital", 2 * n), ca.SX.sym("speed")
+        self.envelope, self.speed = ca.SX.sym("envelope"), ca.SX.sym("speed")
+        self.orbital = ca.SX.sym("orbital", len(DEPTHS) * n)
         self.z, self.p = ca.SX.sym("z", effect.states), ca.SX.sym("p", len(effect.parameters))
         self.moving = ca.vertcat(self.x, self.v, self.a, self.memory, self.radiation)
         self._functions: dict[tuple[str, int], tuple[Compiled, list[Any]]] = {}
@@ -149,7 +150,8 @@ class Symbols:
         every = [SimpleNamespace(x=self.x[i], v=self.v[i], a=self.a[i], u=self.u[i], y=self.x[i], t=self.t,
                                  memory=self.memory[i], radiation=self.radiation, elevation=self.elevation,
                                  elevation_rate=self.elevation_rate, envelope=self.envelope,
-                                 orbital=self.orbital[i], below=self.orbital[n + i], dof=dof, speed=self.speed)
+                                 orbital=self.orbital[i], below=ca.vertsplit(self.orbital)[n + i::n], dof=dof,
+                                 speed=self.speed)
                  for i, dof in enumerate(self.model.dofs)]
         for s in every:
             s.all = every

@@ -79,7 +79,7 @@ class MeasuredMotion:
     sensors: tuple[Sensor, ...]
     elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
     envelope: FloatArray  # (nt,): Its envelope [m]
-    # (2 n, nt): Velocity of the linear wave along each degree of freedom, at the body and below it: see `wave_motion`
+    # (4 n, nt): Velocity of the linear wave along each degree of freedom, at the body and at `DEPTHS` below it
     orbital: FloatArray
     # (n, nt - 1): What `v` lasts from each sample to the next [s]: dt, or in a static test what the way takes
     steps: FloatArray

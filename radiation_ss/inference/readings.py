@@ -9,6 +9,7 @@ from scipy.signal import periodogram, welch
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import DEPTHS
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
@@ -338,7 +339,7 @@ def known_force(model: Model, record: Record, grid: Grid) -> FloatArray | None:
 
 
 def still_or_waves(model: Model, record: Record, grid: Grid) -> FloatArray:
-    """Return elevation, envelope and orbital velocities on the grid, shape (2 + 2 n, nt); 0 without an elevation."""
+    """Return elevation, envelope and orbital velocities on the grid, a row each; 0 without an elevation."""
     if "wave_elevation" not in record.channels:
-        return np.zeros((2 + 2 * model.n, grid.time.size))
+        return np.zeros((2 + len(DEPTHS) * model.n, grid.time.size))
     return np.stack([averaged(f(grid.even), grid.keep) for f in wave_motion(model, record)])

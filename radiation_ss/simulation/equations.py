@@ -16,7 +16,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import Active, named, vector_of
+from radiation_ss.effects.definition import DEPTHS, Active, named, vector_of
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
 
@@ -29,7 +29,7 @@ class MotionEquations:
 
     `ns` is the number of states: radiation, displacement, velocity, then the effects' own; `np` that of parameters of
     all actives together, sensors included. If an effect needs the `waves`, the drive has, below the forces, a row of
-    elevation and two of orbital velocity for each degree of freedom. Where one needs the forward speed (`towed`),
+    elevation and those of orbital velocity for each degree of freedom. Where one needs the forward speed (`towed`),
     the drive's last row has it.
     """
 
@@ -41,7 +41,7 @@ class MotionEquations:
         self.ns = model.fit.states + 2 * model.n + self.own
         self.waves = any(a.effect.needs == "waves" for a in self.actives)
         self.towed = any(a.effect.needs == "speed" for a in self.actives)
-        self.drives = model.n + (2 + 2 * model.n if self.waves else 0) + self.towed
+        self.drives = model.n + (2 + len(DEPTHS) * model.n if self.waves else 0) + self.towed
         force = np.concatenate([-model.fit.c, -model.C, -model.D, np.zeros((model.n, self.own))], axis=1)
         self.passive = ca.DM(force)  # of the linear model, by the state
         self.compiled: dict[str, Any] = {}  # functions for many samples, kept by `Rollout`
@@ -159,8 +159,8 @@ class MotionEquations:
         signals = [SimpleNamespace(x=state[m + i], v=state[m + n + i], a=acceleration[i], u=acting[i], t=time,
                                    memory=memory[i], radiation=state[:m], dof=dof) for i, dof in enumerate(model.dofs)]
         for i, s in enumerate(signals if self.waves else []):
-            rows = [drive[k, :] for k in (n, n + 1, n + 2 + i, 2 * n + 2 + i)]
-            s.elevation, s.envelope, s.orbital, s.below = (row[0] + row[1] * (time - row[2]) for row in rows)
+            rows = [drive[k, :] for k in (n, n + 1, *(n + 2 + i + k * n for k in range(len(DEPTHS))))]
+            s.elevation, s.envelope, s.orbital, *s.below = (row[0] + row[1] * (time - row[2]) for row in rows)
             s.elevation_rate = rows[0][1]
         for s in signals if self.towed else []:
             s.speed = drive[self.drives - 1, 0]
@@ -234,7 +234,7 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     p = ca.DM(vector_of(equations.actives))
     m, n = model.fit.states, model.n
     t, s = ca.SX.sym("t"), ca.SX.sym("x", equations.ns)
-    u = ca.SX.sym("u", n + (3 + 2 * n if equations.waves else 0) + equations.towed)
+    u = ca.SX.sym("u", n + (3 + len(DEPTHS) * n if equations.waves else 0) + equations.towed)
     level = [ca.horzcat(u[n], u[n + 1], t)] if equations.waves else []
     drive = ca.vertcat(*(ca.horzcat(u[i], 0.0, equations.clock(t, p)[i]) for i in range(n)), *level,
                        *(ca.horzcat(u[i], 0.0, t) for i in range(n + 2 * equations.waves, u.size1())))
@@ -256,7 +256,8 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
     stems, (inputs, outputs) = [signal(dof) for dof in model.dofs], signal_names(model.dofs)
     waves = any(a.effect.needs == "waves" for a in actives)
     extra = ["wave_elevation", "wave_elevation_rate", "wave_envelope",
-             *(f"{stem}_orbital{at}" for at in ("", "_below") for stem in stems)] if waves else []
+             *(f"{stem}_orbital{at}" for at in ("", *(f"_below_{k}" for k in range(1, len(DEPTHS)))) for stem in stems)
+             ] if waves else []
     extra += ["speed"] if any(a.effect.needs == "speed" for a in actives) else []
     own = [f"{a.name}_{k}" for a in actives for k in range(a.effect.states)]
     own = [label if own.count(label) == 1 else f"{label}_{i}" for i, label in enumerate(own)]
@@ -269,10 +270,10 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     """Return the model with effects as a python-control system.
 
     Inputs are `<dof>_force` [N, N m] and, where an effect needs them, `wave_elevation` [m], `wave_elevation_rate`
-    [m/s], `wave_envelope` [m], `<dof>_orbital` and `<dof>_orbital_below` [m/s, rad/s], at the body and (m / rho)^(1/3)
-    below it, and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`, `<dof>_acc`.
-    States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then `<effect>_<k>`. Delays of force and sensors
-    and a phase of the force are left out; `params["left_out"]` names them.
+    [m/s], `wave_envelope` [m], `<dof>_orbital` and `<dof>_orbital_below_<k>` [m/s, rad/s], at the body and k thirds of
+    (m / rho)^(1/3) below it, and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
+    `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then `<effect>_<k>`. Delays of force
+    and sensors and a phase of the force are left out; `params["left_out"]` names them.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.definition import DEPTHS
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
@@ -230,14 +231,14 @@ def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
     """Return elevation, its envelope [m], and orbital velocity of each degree of freedom [m/s, rad/s], at the body.
 
     At the model's reference point, or at the still surface where that is unknown or above, then for each degree of
-    freedom again at the depth of the flow, `flow_depth`, below it; of rotations the rate of the wave's slope (Airy;
-    Faltinsen 1990, table 2.1). Decays and forced motions without an elevation are in still water.
+    freedom again at the others of `DEPTHS`; of rotations the rate of the wave's slope (Airy; Faltinsen 1990, table
+    2.1). Decays and forced motions without an elevation are in still water.
     """
     if "wave_elevation" not in record.channels:
         if record.kind not in ("decay", "forced", "prescribed", "static"):
             raise InputError(f"record {record.name}: an effect needs the waves, and there is no column wave_elevation "
                              "[m]; add it, or the kind (decay, forced) if the water is still")
-        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + 2 * model.n)
+        return (CubicSpline(record.time[[0, -1]], np.zeros(2)),) * (2 + len(DEPTHS) * model.n)
     known = model.hydro
     g, depth = (known.g, known.depth) if known is not None else (9.81, np.inf)
     along = heading(model, record)
@@ -247,7 +248,7 @@ def wave_motion(model: Model, record: Record) -> tuple[CubicSpline, ...]:
         w = np.maximum(omega, 1e-9)
         k = wave_number(w**2 / g, depth)
         surface, rows = profile(k, depth, np.zeros(k.size))[1], [np.ones(w.size), np.full(w.size, -1j)]
-        for at in (level, max(level - flow_depth(model), -depth)):
+        for at in (max(level - share * flow_depth(model), -depth) for share in DEPTHS):
             flat, upright = profile(k, depth, np.full(k.size, at))
             slope = w * k * (1.0 if at == level else upright / surface)
             speed = {"Surge": g * k / w * flat * np.cos(along), "Sway": g * k / w * flat * np.sin(along),
