@@ -130,7 +130,7 @@ def test_nonsense_is_refused_in_a_sentence():
     model = tank_model()
     for words, said in (({"noise": 0.0}, "noise"), ({"gap": -1.0}, "gap"), ({"amplitude": -0.1}, "amplitude"),
                         ({"amplitude": {"Roll": 0.1}}, "amplitude: none for Heave"), ({"sea": (1.0, 5.0)}, "X"),
-                        ({"tests": ("towing",)}, "decay"), ({"tests": {}}, "menu"), ({"tolerance": None}, "tolerance")):
+                        ({"tests": ("towing",)}, "decay"), ({"tests": {}}, "menu"), ({"tolerance": 2.0}, "tolerance")):
         with pytest.raises(rss.InputError, match=said):
             rss.plan_tests(model, **words)
     motion = {"Heave": np.sin(8.0 * np.arange(0.0, 20.0, 0.04))}
@@ -156,3 +156,20 @@ def test_an_effect_of_other_motions_is_not_for_want_of_a_test():
     unseen = {item.effect: item.why for item in rss.plan_tests(body, 0.5, ["water_on_deck", "linear_damping"],
                                                                 tests=("decay",)).unseen}
     assert "Heave" in unseen["water_on_deck"]
+
+
+def test_a_small_test_alone_is_as_telling_as_on_the_menu():
+    """Its effects and its sensors' noise are those of the full amplitude, which other tests have."""
+    whole, alone = (rss.plan_tests(tank_model(), 0.04, NAMES[:3], tests=tests) for tests in (None, ["decay, small"]))
+    names = [t.name for t in whole.tests]
+    seen = dict(zip(whole.labels, whole.single[names.index("decay, small")]))
+    assert all(t.name.startswith("decay, small") for t in alone.tests)
+    for label, value in zip(alone.labels, alone.single[0]):
+        assert value == pytest.approx(seen[label], rel=0.15)  # the typical velocity is that of all records
+
+
+def test_a_plan_takes_the_tolerance_that_the_model_states():
+    stated = tank_model().replace(tolerance={"stiffness": 0.2})
+    one, other, sure = (rss.plan_tests(body, 0.04, ["linear_stiffness"], tolerance, tests=["decay, large"]).single[0, 0]
+                        for body, tolerance in ((stated, None), (tank_model(), {"stiffness": 0.2}), (stated, 0.02)))
+    assert one == pytest.approx(other) and one < 0.5 * sure

@@ -119,6 +119,20 @@ def test_a_model_with_too_much_damping_is_told_by_how_much(ratio):
     assert abs(value - (body.D - model.D)[0, 0]) < 3.0 * std < 0.3 * abs(value)
 
 
+def test_a_model_brings_its_tolerance_and_an_argument_is_before_it():
+    """The closed form of a decay, stiffness 8 % off."""
+    given = {"dof": "Heave", "mass": 1000.0, "C": 1e4, "added_mass": 580.0, "damping_ratio": 0.05}
+    model, unsure = rss.body(**given), rss.body(**given, tolerance={"stiffness": 0.1})
+    pole, time = np.roots([1580.0, model.D[0, 0], 1.08e4])[0], np.arange(0.0, 40.0, 0.05)
+    x = 0.1 * (np.exp(pole * time) * (1.0 + 1j * pole.real / pole.imag)).real
+    record = rss.Record(time, {"Heave": x + 2e-4 * np.random.default_rng(0).standard_normal(time.size)}, kind="decay")
+    considered = ["linear_stiffness", "quadratic_drag"]
+    found, said = rss.diagnose(unsure, record, considered), rss.diagnose(unsure, record, considered, tolerance=0.02)
+    stiffness = next(n for n in found.recalibrated if n.name == "stiffness")
+    assert found.verdict.status == "no_gap" and stiffness.tolerance == pytest.approx(0.1)
+    assert abs(stiffness.value - 0.08) < 3.0 * stiffness.std and said.verdict.status != "no_gap"
+
+
 @pytest.mark.parametrize("seed, times", [(0, 3.0), (1, -3.0)])
 def test_a_number_off_by_three_tolerances_is_told_and_by_one_of_them_is_no_gap(times, seed):
     """The closed form of a decay whose frequency is not the model's: inertia or stiffness, by a number or an effect."""

@@ -232,3 +232,20 @@ def test_clocks_far_apart_and_turned_signs_are_named():
 def test_a_probe_in_no_water_is_refused(depth):
     with pytest.raises(rss.InputError, match=r"depth: .*positive"):
         rss.at_the_body(rss.Record(TIME, {"wave_elevation": sea(1)[0]}), 2.0, depth=depth)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_turned_sensor_is_told_though_the_records_overlap_in_part(seed):
+    rng, w = np.random.default_rng(seed), np.linspace(1.5, 6.0, 60)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 60)
+    t, late = np.arange(0.0, 200.0, 0.05), np.arange(0.0, 150.0, 0.02)
+    camera = rss.Record(t, {"Heave": np.cos(np.outer(t, w) + phase).sum(1)})
+    logger = rss.Record(late, {"Heave_acceleration": (w**2 * np.cos(np.outer(late + 2.34, w) + phase)).sum(1)})
+    with pytest.raises(rss.InputError, match="turned sign"):
+        rss.clock_offset(camera, logger, "Heave", "Heave_acceleration")
+
+
+def test_angles_that_end_before_the_accelerometers_are_refused():
+    angles = rss.Record(TIME[:-20], {"Roll": 0.1 * np.sin(TIME[:-20])})
+    with pytest.raises(rss.InputError, match="rotations: Roll is measured from"):
+        rss.from_accelerometers(TIME, [np.zeros(TIME.size)], [[0, 0, 0]], [[0, 1, 0]], ["Sway"], rotations=angles)

@@ -305,3 +305,10 @@ def test_lines_pull_back_by_their_even_powers_however_far_the_body_is_off(seed):
         motion.all = motions
     force = np.array(lines.force(motions[0], SimpleNamespace(**numbers)), dtype=float)
     assert np.all(force * off <= 0.0) and np.any(force)
+
+
+@pytest.mark.parametrize("effect, missing", [(("slack_mooring", {"stiffness": 1.0, "slack": 0.1}), "side"),
+                                             (("quadratic_drag", {}), "coefficient")])
+def test_what_does_nothing_without_a_number_asks_for_it(effect, missing):
+    with pytest.raises(InputError, match=f"effect {effect[0]}: {missing} is missing"):
+        rss.simulate(tank_model(), (TIME, np.sin(TIME)[None]), [effect])

@@ -128,3 +128,16 @@ def test_a_file_of_a_model_with_another_fit_is_told_so(tmp_path):
     corrected(nominal={("nominal_kernel_shape_6", "Heave"): 0.03}).write(tmp_path / "corrected.json")
     with pytest.raises(InputError, match=r"'nominal_kernel_shape_6'.*with the same fit of its radiation"):
         read_corrected(tmp_path / "corrected.json", tank_model())
+
+
+@pytest.mark.parametrize("nominal", [0.0, 0.04])
+def test_a_gain_of_the_recorded_force_is_in_the_linear_plant(nominal):
+    """At rest C x is the force that acts: (1 + gain) (1 + share) times the recorded one."""
+    model = tank_model()
+    better = corrected([("excitation_gain", {"gain": 0.25})], {("nominal_force", "Heave"): nominal})
+    still = better.to_ss(model)(0j)[0, 0].real
+    assert still * model.C[0, 0] == pytest.approx(1.25 * (1.0 + nominal), rel=1e-9)
+    system = better.to_nlsys(model)
+    linear = ct.linearize(system, np.zeros(system.nstates), [0.0])
+    at = 1j * np.array([3.0, 7.0, 12.0])
+    np.testing.assert_allclose(np.ravel(better.to_ss(model)[:, 0](at)), np.ravel(linear(at)), rtol=1e-6)

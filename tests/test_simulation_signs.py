@@ -213,3 +213,15 @@ def test_a_record_of_fewer_motions_than_the_model_has_says_how_to_narrow_it(coup
     model.write(tmp_path / "both.nc")
     narrow = rss.read_model(tmp_path / "both.nc", dofs=("Heave",))
     assert rss.simulate(narrow, heave).outputs.shape[-1] == record.time.size
+
+
+@pytest.mark.parametrize("frequency", [0.5, 1.6])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_force_on_a_driven_body_with_its_sign_turned_is_told_in_a_regular_motion(frequency, sign):
+    """Z x of a motion that grows slowly, by its derivatives in closed form."""
+    model, time = light(0.02), np.arange(0.0, 200.0, 0.1)
+    size, w = np.minimum(time / 40.0, 1.0), frequency
+    x, v, a = (0.1 * size * part for part in (np.sin(w * time), w * np.cos(w * time), -w**2 * np.sin(w * time)))
+    force = sign * (a + model.D[0, 0] * v + x)
+    record = rss.Record(time, {"Roll": x, "Roll_force": force}, kind="prescribed")
+    assert bool(turned(model, record)) is (sign < 0.0)

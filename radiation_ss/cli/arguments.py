@@ -267,9 +267,9 @@ def seed_argument(to: argparse.ArgumentParser) -> None:
 
 def tolerance_argument(to: argparse.ArgumentParser) -> None:
     """Add --tolerance."""
-    to.add_argument("--tolerance", default="0.02", metavar="T",
-                    help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: 0.02), or by name: "
-                         "kernel=0.1,force=0.05")
+    to.add_argument("--tolerance", default="", metavar="T",
+                    help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: what the file "
+                         "states, else 0.02), or by name: kernel=0.1,force=0.05")
 
 
 def whole(text: str, least: int = 0) -> int:

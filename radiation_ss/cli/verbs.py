@@ -82,7 +82,7 @@ def model(args: argparse.Namespace) -> None:
     if args.dof is not None:
         numbers["dof"], _, unit = args.dof.partition("=")
         numbers["units"] = {numbers["dof"]: unit} if unit else {}
-    said = tolerance_of(args.tolerance) if args.tolerance else {}
+    said = tolerance_of(args.tolerance)
     if not isinstance(said, dict):
         raise InputError(f"--tolerance {args.tolerance}: say of what, for example gyradius=0.1,kernel=0.2")
     tolerance = {ELSEWHERE.get(name, name): value for name, value in said.items()}
@@ -199,7 +199,9 @@ def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record
 
 
 def tolerance_of(text: str) -> float | dict[str, float]:
-    """Read --tolerance: a number for all, or single ones by name, with commas between."""
+    """Read --tolerance: a number for all, or single ones by name, with commas between; none of an empty one."""
+    if not text:
+        return {}
     try:
         if "=" not in text:
             return float(text)

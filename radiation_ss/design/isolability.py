@@ -148,7 +148,7 @@ class Isolability(Brief):
 @accepting(model=as_model, records=as_records)
 def isolability(model: Model, records: Sequence[Record] | Record,
                 effects: Sequence[str | Effect] | str | Effect | None = None,
-                tolerance: float | Mapping[str, float] = 0.02, *, noise: float | None = None) -> Isolability:
+                tolerance: float | Mapping[str, float] | None = None, *, noise: float | None = None) -> Isolability:
     """Say what records can tell apart, and what to measure next. Without any record: `plan_tests`.
 
     Where no force is known its spectrum is unknown, too, and absorbs every linear cause: nonlinear effects and sensors
@@ -161,7 +161,7 @@ def isolability(model: Model, records: Sequence[Record] | Record,
         With known force, zero force or wave elevation; or of motion only. Simulated ones serve as well.
     effects : sequence of str or Effect, or one of them, optional
         All of the library by default.
-    tolerance : float or mapping
+    tolerance : float or mapping, optional
         As in `diagnose`.
     noise : float, optional
         Standard deviation of the sensors relative to the rms of the motion; estimated from the records if absent.
@@ -191,7 +191,7 @@ def isolability(model: Model, records: Sequence[Record] | Record,
         noise = positive(noise, "noise (a share of the motion's rms)")
         runs = [replace(run, noise=np.broadcast_to(noise * np.sqrt(np.mean(run.x**2, axis=1, keepdims=True) / run.kept),
                                                    run.noise.shape)) for run in runs]
-    problem = equation_error(model, runs, tolerances(tolerance))
+    problem = equation_error(model, runs, tolerances(tolerance, model.tolerance))
     sizes = learn(problem.rows, problem.base, start_sizes(problem), nuisances=problem.base.count).sizes
     if noise is not None:  # stated, so not to be learned
         sizes = replace(sizes, noise=np.zeros_like(sizes.noise))

@@ -184,7 +184,7 @@ class TestPlan(Shown):
 @accepting(model=as_model)
 def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = None,
                effects: Sequence[str | Effect] | str | Effect | None = None,
-               tolerance: float | Mapping[str, float] = 0.02, *,
+               tolerance: float | Mapping[str, float] | None = None, *,
                noise: float = 0.01, sea: tuple[float, float] | None = None,
                gap: float | None = 0.05, tests: Mapping[str, Record] | Sequence[str] | str | None = None) -> TestPlan:
     """Plan tests from a model alone: no record is needed.
@@ -204,7 +204,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         degree of freedom.
     effects : sequence of str or Effect, or one of them, optional
         Those that matter; all of the library by default.
-    tolerance : float or mapping
+    tolerance : float or mapping, optional
         How far the model's own numbers may be off, as in `diagnose`.
     noise : float
         Standard deviation of a sensor relative to the rms of what it reads at full amplitude; the same sensor, with the
@@ -231,6 +231,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     >>> print(str(plan).splitlines()[0])
     Tests for body: the whole menu shows 2 of 2 effects and tells 1 of 1 pairs apart.
     """
+    scale = list[PlannedTest]()
     for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
         positive(value, f"{name} (a share of the motion: 0.01 is 1 %)")
     if isinstance(tests, Mapping):
@@ -240,14 +241,17 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
             raise InputError("tests: beginnings of names of the menu are needed, or a mapping of names to records")
         every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None)
         menu = [t for t in every if tests is None or t.name.startswith(tuple(listed(tests)))]
+        if menu and not any(t.large for t in menu):  # what is relative to full amplitude
+            scale = [t for t in every if t.large]
     if not menu:
         raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "
                          "waves with elevation (where the model carries X)")
-    spread = tolerances(tolerance)
+    spread = tolerances(tolerance, model.tolerance)
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     chosen = considered(effects)
-    found = information_of(model, menu, chosen, spread, noise, gap)
+    found = information_of(model, [*menu, *scale], chosen, spread, noise, gap)
+    found = replace(found, tests=found.tests[:len(menu)])
     if not found.terms:
         raise InputError("effects: none of them can act in these tests")
     forced = any(record.get("force", model.dofs) is not None and record.kind != "decay"

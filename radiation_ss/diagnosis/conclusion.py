@@ -40,7 +40,7 @@ from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
-from radiation_ss.inference.candidates import Key, from_regression
+from radiation_ss.inference.candidates import Candidate, Key, from_regression
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
@@ -64,7 +64,8 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
     answer = answered(grounds(found, pair, ledger, closed, own, data, rest, rules), found, ledger, hidden, rules)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
-                  for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
+                  for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
+                                                                      apart(found, pair.candidate, len(own)))))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
@@ -174,6 +175,12 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
         return "ambiguous", first, on.sets
     return "no_gap", within(found, found.candidates[0].keys), ()
+
+
+def apart(found: Found, best: Candidate, count: int) -> FloatArray:
+    """Return how far the numbers of the model, `count` of them, are off those of the best set in all sets, rms."""
+    means = np.array([c.posterior.mean[:count] for c in found.candidates])
+    return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))
 
 
 def least_beside(closed: FloatArray, rules: Rules) -> float:

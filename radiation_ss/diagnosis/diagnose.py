@@ -61,7 +61,7 @@ def further(model: Model, withhold: RecordLike | Sequence[RecordLike] = (), rule
 @on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record,
              effects: Sequence[str | Effect] | str | Effect | None = None, absent: Sequence[str] | str = (),
-             present: Sequence[str] | str = (), tolerance: float | Mapping[str, float] = 0.02,
+             present: Sequence[str] | str = (), tolerance: float | Mapping[str, float] | None = None,
              seed: int = 0, **more: Unpack[Further]) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
@@ -73,8 +73,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         The library to consider; by default all of it, between bodies what joins them.
     absent, present : sequence of str, or str
         Effects that this rig cannot have, and that it has for certain.
-    tolerance : float or mapping of str to float
-        Relative standard deviation of mass, stiffness, A_inf, kernel and force; its common scale is learned.
+    tolerance : float or mapping of str to float, optional
+        Relative standard deviation of mass, stiffness, A_inf, kernel and force; its common scale is learned. What it
+        does not name has the model's own, else 0.02.
     seed : int
     withhold : Record, path or pandas.DataFrame, or a sequence of them
         Records that no fit sees. Without any, the effects are searched in all of every record, and their numbers are
@@ -125,7 +126,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     absent, present = listed(absent), listed(present)
     chosen = considered(model, None if effects is None else listed(effects), absent, present)
     tell("reading the records", 0.05)
-    tolerated = tolerances(tolerance)
+    tolerated = tolerances(tolerance, model.tolerance)
     problem = posed(model, given, tolerated, rules)
     tell("searching for effects", 0.2)
     # The course of a slow force is not searched: what the search leaves tells it.

@@ -104,7 +104,7 @@ def activate(effects: Any, dofs: Sequence[str]) -> tuple[Active, ...]:
         The model's degrees of freedom; the dof may be left out where there is only one.
     """
     one = isinstance(effects, Mapping) or (
-        isinstance(effects, tuple) and len(effects) > 1 and isinstance(effects[0], str))
+        isinstance(effects, tuple) and len(effects) > 1 and isinstance(effects[0], str | Effect))
     return tuple(item if isinstance(item, Active) else _activate(item, tuple(dofs))
                  for item in ([effects] if one else () if effects is None else listed(effects)))
 
@@ -119,7 +119,8 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
     else:
         name, dof, values = item[0], item[1] if len(item) > 2 else "", dict(item[-1])
         other = ""
-    effect = effect_named(name)
+    effect = name if isinstance(name, Effect) else effect_named(name)
+    name = effect.name
     if "," in dof:
         dof, other = (part.strip() for part in dof.split(",", 1))
     if not dof and len(dofs) == 1 and effect.scope != "body":
@@ -138,6 +139,10 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         numbers = {key: float(v[0] if isinstance(v, (list, tuple)) else v) for key, v in values.items()}
     except (TypeError, ValueError, IndexError):
         raise InputError(f"effect {name}: its parameters {values} are not all numbers") from None
+    strengths = [key for key, p in effect.parameters.items() if p.strength]
+    needed = [key for key in ("side",) if key in effect.parameters and key not in numbers]
+    if needed or not any(key in numbers for key in strengths):
+        raise InputError(f"effect {name}: {' or '.join(needed or strengths)} is missing, without which it does nothing")
     wrong = [key for key, value in numbers.items() if not isfinite(value)]
     if wrong:
         raise InputError(f"effect {name}: {wrong[0]} is {numbers[wrong[0]]}; a finite number is needed")

@@ -9,7 +9,6 @@ import numpy as np
 from radiation_ss.body.model import TOLERANCES as NAMES
 from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.effects.definition import Active, Effect, Parameter
-from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
 TOLERANCES = dict.fromkeys(NAMES, 0.02)
@@ -23,15 +22,14 @@ class OwnNumber(NamedTuple):
     spread: float
 
 
-def tolerances(tolerance: float | Mapping[str, float] | None) -> dict[str, float]:
-    """Return the tolerance of each nominal quantity, from one number or by name.
+def tolerances(tolerance: float | Mapping[str, float] | None, stated: Mapping[str, float] | None = None,
+               ) -> dict[str, float]:
+    """Return the tolerance of each nominal quantity, from one number for all or by name.
 
-    InputError if a name is unknown or a tolerance is not positive and below 1.
+    Where it names none: that which the model has `stated`, else 2 %. InputError if a name is unknown or a tolerance is
+    not positive and below 1.
     """
-    if tolerance is None:
-        raise InputError("tolerance: None; say how far mass, stiffness, A_inf, kernel and force may be off, "
-                         "as one number (0.02) or by name")
-    return {**TOLERANCES, **checked_tolerance(tolerance)}
+    return {**TOLERANCES, **(stated or {}), **checked_tolerance({} if tolerance is None else tolerance)}
 
 
 def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool) -> list[OwnNumber]:

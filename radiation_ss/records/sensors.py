@@ -97,6 +97,11 @@ def _angles(t: FloatArray, axes: FloatArray, dofs: Sequence[str], rotations: Rec
         leans = np.any(np.abs(axes @ np.cross(np.eye(3)[i], [0.0, 0.0, 1.0])) > 1e-9)
         if name in channels and rotations is not None:
             there = np.isfinite(channels[name])
+            first, last = rotations.time[there][[0, -1]]
+            step = np.ptp(rotations.time) / (rotations.time.size - 1)
+            if t.min() < first - step or t.max() > last + step:
+                raise InputError(f"rotations: {name} is measured from {first:.6g} to {last:.6g} s, the accelerometers "
+                                 f"from {t.min():.6g} to {t.max():.6g} s; cut these to the time of the angles")
             theta[i] = np.interp(t, rotations.time[there], channels[name][there])
         elif leans and name in [mode(dof) for dof in dofs]:
             raise InputError(f"rotations: a horizontal accelerometer reads g times the {name} angle; give the angles")
@@ -161,7 +166,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
                          f"within {reach:.4g} s joins them, give a larger one (largest)")
     least_alike, alike = float(alike[within].min()), np.where(within, alike, -np.inf)
     best = int(np.argmax(alike))
-    if -least_alike >= least and 1.0 + least_alike < 0.5 * (1.0 - alike[best]):
+    if -least_alike >= least and 1.0 + least_alike < 0.75 * (1.0 - alike[best]):
         raise InputError(f"clocks: {channel} of {record.name} and {other_channel} of {other.name} are alike with a "
                          f"turned sign (correlation {least_alike:.2f}, else {alike[best]:.2f}); turn one")
     if not alike[best] >= least:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -21,7 +22,7 @@ from radiation_ss.atomic import write_whole
 from radiation_ss.body.composite import signal_names, system_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
-from radiation_ss.effects.definition import vector_of
+from radiation_ss.effects.definition import named, vector_of
 from radiation_ss.effects.nominal import natural_frequency, nominal_effects, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
@@ -70,7 +71,8 @@ class Corrected(Brief):
 
         Mass and added mass cannot be told apart by motion: what was found is shared in proportion to their tolerances'
         squares, a missing inertia counts as added mass. The hydrodynamic table follows: A, B with the memory, X with
-        the exciting force's size and phase.
+        the exciting force's size and phase. A force that is given to the model acts as given: a gain of the recorded
+        one is no property of the body, and is in `to_ss`, `to_nlsys` and `simulate` alone.
         """
         extra = linearise(model, self, amplitude, own_states=False)
         mass = np.square(self.tolerance.get("mass", 0.02) * model.M)
@@ -91,7 +93,10 @@ class Corrected(Brief):
                              name=f"{model.name}_corrected")
 
     def to_ss(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> "ct.StateSpace":
-        """Return the corrected model as the composite system of `cummins`; states of linear effects (a tank) last."""
+        """Return the corrected model as the composite system of `cummins`; states of linear effects (a tank) last.
+
+        Its inputs are forces as they are recorded: a gain that was found acts on them.
+        """
         import control as ct
 
         extra = linearise(model, self, amplitude)
@@ -104,9 +109,10 @@ class Corrected(Brief):
         x, v, a, r, z = np.split(extra.Z, [n, 2 * n, 3 * n, 3 * n + m], axis=1)
         A = np.vstack([F, np.hstack([r, x, v, z]) + a @ H[2 * n:]])
         inputs, outputs = signal_names(model.dofs)
+        gain = np.diag(input_slopes(self.actives(model), model.dofs))
         states, _, _ = signals_of(model, [a for a in self.actives(model) if a.effect.linear and a.effect.force])
-        return ct.ss(A, np.vstack([G, a @ pull]), H, J, inputs=list(inputs), outputs=list(outputs), states=states,
-                     name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
+        return ct.ss(A, np.vstack([G, a @ pull]) @ gain, H, J @ gain, inputs=list(inputs), outputs=list(outputs),
+                     states=states, name=re.sub(r"\W+", "_", f"{model.name}_corrected"))
 
     def to_nlsys(self, model: Model) -> "ct.NonlinearIOSystem":
         """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `equations.nonlinear_system`."""
@@ -175,6 +181,17 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             shape[model.dofs.index(active.other)] = -1.0
         C, D = C + k * np.outer(shape, shape), D + b * np.outer(shape, shape)
     return replace(found, M=M, D=D, C=C, left_out=tuple(left))
+
+
+def input_slopes(actives: Sequence[Active], dofs: Sequence[str]) -> FloatArray:
+    """Return how much of a small recorded force acts on each degree of freedom."""
+    u, found = ca.SX.sym("u"), np.ones(len(dofs))
+    for active in actives:
+        if active.effect.input is not None:
+            acting = active.effect.input(SimpleNamespace(u=u, t=0.0), named(active.effect, active.vector))
+            slope = float(ca.Function("slope", [u], [ca.jacobian(acting, u)])(0.0))
+            found[[active.dof in (dof, "") for dof in dofs]] *= slope
+    return found
 
 
 def with_memory(fit: RadiationFit, extra: Linear) -> RadiationFit:

@@ -32,7 +32,8 @@ class TurnRules:
     sizes: tuple[float, float] = (0.3, 1.0 / 0.3)
     times: float = 2.0  # As much must the force as given leave
     sure: float = 5.0  # Nats of likelihood
-    lines: float = 3.0  # In fewer frequencies a turned sign is half a period of delay
+    # In fewer frequencies a turned sign is half a period of delay; what drives a body is read as its motion is
+    lines: float = 3.0
 
 
 class Turn(NamedTuple):
@@ -155,7 +156,7 @@ def _turn(model: Model, record: Record, have: tuple[int, str], i: int, receptanc
     y = measured[band]
     power = np.abs(y) ** 2
     lines = power.sum() ** 2 / max(np.sum(power**2), 1e-300)
-    if not lines >= rules.lines:
+    if not lines >= (1.0 if record.kind == "prescribed" else rules.lines):
         return None
     w = omega[band]
     own = receptance[band, i, i]
