@@ -136,7 +136,7 @@ def add_hydro_verbs(verb: Maker) -> None:
         model.add_argument(f"--{name}", type=float, metavar=unit, help=what)
     model.add_argument("--radiation", type=Path, metavar="HYDRO", help="radiation from a hydrodynamic file")
     model.add_argument("--section", type=Path, metavar="OFFSETS", help="offsets y, z [m] of a section; needs --length")
-    model.add_argument("--tolerance", default="", metavar="T",
+    model.add_argument("--tolerance", default=None, metavar="T",
                        help="how far numbers may be off, relative: gyradius=0.1,gm=0.02,kernel=0.2")
     model.add_argument("--name", default=None, metavar="NAME")
     model.add_argument("--out", type=Path, required=True, metavar="MODEL.nc")
@@ -267,7 +267,7 @@ def seed_argument(to: argparse.ArgumentParser) -> None:
 
 def tolerance_argument(to: argparse.ArgumentParser) -> None:
     """Add --tolerance."""
-    to.add_argument("--tolerance", default="", metavar="T",
+    to.add_argument("--tolerance", default=None, metavar="T",
                     help="relative tolerance of mass, stiffness, A_inf, kernel and force (default: what the file "
                          "states, else 0.02), or by name: kernel=0.1,force=0.05")
 

@@ -198,9 +198,9 @@ def carried(args: argparse.Namespace, record: Record, data: HydroData) -> Record
     return rss.at_the_body(record, depth=data.depth, g=data.g)
 
 
-def tolerance_of(text: str) -> float | dict[str, float]:
-    """Read --tolerance: a number for all, or single ones by name, with commas between; none of an empty one."""
-    if not text:
+def tolerance_of(text: str | None) -> float | dict[str, float]:
+    """Read --tolerance: a number for all, or single ones by name, with commas between; none where it is not given."""
+    if text is None:
         return {}
     try:
         if "=" not in text:

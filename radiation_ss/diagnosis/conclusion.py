@@ -110,7 +110,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
              if size >= rules.matters and active.effect.family != "offset"]
-    named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure and ledger.helped
+    named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure and not ledger.worse
              and unrivalled(found, (e.name, *places(e.dof)), rules.sure)]
     telling = [e for e, clear, large in sized if clear or (large and e.inclusion >= rules.sure)]
     # What zeros of sensors are off by in any record is no drift of the force.

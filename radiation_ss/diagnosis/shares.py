@@ -90,9 +90,9 @@ class Budget(Brief):
         return self.before * float(np.sqrt(max(share, 0.0)))
 
     @property
-    def helped(self) -> bool:
-        """Whether all effects together account for a part of the gap that the retuned model leaves."""
-        return sum(row.share for row in self.rows if row.inclusion is not None) > 0.0
+    def worse(self) -> bool:
+        """Whether all effects together surely make more of the gap than the retuned model leaves."""
+        return sum(row.interval[1] for row in self.rows if row.inclusion is not None) < 0.0
 
     @property
     def against(self) -> float:
