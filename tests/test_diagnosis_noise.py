@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fit_systems import data_of, random_passive
+from plant_bodies import tank_model
 from scipy.integrate import odeint, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
@@ -455,3 +456,12 @@ def test_a_long_body_is_not_judged_where_its_waves_cancel(seed, column):
 
     found = by_elevation(seed, lambda w: X(w, 1.01) - X(w), X, column)
     assert not found.verdict.effects and found.verdict.status != "unknown_effect"
+
+
+@pytest.mark.parametrize("kept, words", [(np.s_[:5], "5 usable samples of Heave"), (np.s_[:0], "0 usable samples"),
+                                         (np.s_[:], r"noise alone \(a flat spectrum\)")])
+def test_what_shows_no_motion_says_why(kept, words):
+    values, noise = np.full(400, np.nan), np.random.default_rng(0).standard_normal(400)
+    values[kept] = noise[kept]
+    with pytest.raises(rss.InputError, match=words):
+        rss.diagnose(tank_model(), rss.Record(0.05 * np.arange(400), {"Heave": values}, kind="decay"))

@@ -24,7 +24,7 @@ from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import moves
+from radiation_ss.inference.readings import moves, not_measured
 from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, shaped
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
@@ -121,7 +121,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     if not given:
-        raise InputError(f"record {raw[0].name}: only noise is measured (flat spectrum); nothing to diagnose")
+        raise not_measured(model, raw[0])
     withhold, said = cleaned(model, withhold)
     absent, present = listed(absent), listed(present)
     chosen = considered(model, None if effects is None else listed(effects), absent, present)

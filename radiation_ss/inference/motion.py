@@ -22,6 +22,7 @@ from radiation_ss.inference.readings import (
     fewest,
     integrated,
     known_force,
+    not_measured,
     second_sensors,
     slow_motions,
     slow_path,
@@ -131,8 +132,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     found = [channel(model, record, i) for i in range(model.n)]
     free = np.array([f is not None for f in found])
     if not free.any():
-        raise InputError(f"record {record.name}: no motion of {', '.join(model.dofs)} in its columns, "
-                         f"{', '.join(record.channels) or 'none'}")
+        raise not_measured(model, record)
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     if not still:

@@ -10,6 +10,7 @@ from scipy.signal import periodogram, welch
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import DEPTHS
+from radiation_ss.errors import InputError
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
@@ -105,6 +106,21 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
 def fewest(record: Record) -> int:
     """Return how many samples a motion takes; of a static test each is a load with its place."""
     return 3 if record.kind == "static" else 16
+
+
+def not_measured(model: Model, record: Record) -> InputError:
+    """Return why a record shows no motion of the model."""
+    rows = {dof: [values for q in QUANTITIES if (values := record.get(q, [dof])) is not None] for dof in model.dofs}
+    there = {dof: max(int(np.isfinite(values).sum()) for values in found) for dof, found in rows.items() if found}
+    if not there:
+        said = f"no motion of {', '.join(model.dofs)} in its columns, {', '.join(record.channels) or 'none'}"
+    elif max(there.values()) < fewest(record):
+        said = (f"{max(there.values())} usable samples of {', '.join(there)}; a record of kind {record.kind!r} takes "
+                f"{fewest(record)} at least")
+    else:
+        said = (f"{', '.join(there)} {'are' if len(there) > 1 else 'is'} noise alone (a flat spectrum), or sampled "
+                f"too coarsely, every {float(np.median(np.diff(record.time))):.3g} s")
+    return InputError(f"record {record.name}: {said}")
 
 
 def still_allowed(model: Model, record: Record, i: int) -> bool:
