@@ -312,3 +312,10 @@ def test_lines_pull_back_by_their_even_powers_however_far_the_body_is_off(seed):
 def test_what_does_nothing_without_a_number_asks_for_it(effect, missing):
     with pytest.raises(InputError, match=f"effect {effect[0]}: {missing} is missing"):
         rss.simulate(tank_model(), (TIME, np.sin(TIME)[None]), [effect])
+
+
+def test_a_law_that_decides_in_python_is_told_what_to_write():
+    law = rss.Effect("own", {"c": rss.effects.Parameter("F", 1)}, force=lambda s, p: -p.c if s.v > 0.0 else p.c)
+    for effect in ((law, {"c": 1.0}), [(law, "Heave", {"c": 1.0})]):
+        with pytest.raises(InputError, match="effect own: its law decides by `if`"):
+            rss.simulate(tank_model(), (TIME, np.sin(TIME)[None]), effect)

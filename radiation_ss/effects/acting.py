@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-from radiation_ss.effects.definition import Active
+from radiation_ss.effects.definition import Active, Effect, Expression
+from radiation_ss.errors import InputError
 
 
 class Action(NamedTuple):
@@ -26,14 +27,25 @@ def acting(active: Active, signals: Sequence[Any], dofs: Sequence[str], values: 
     if effect.scope == "between":
         for name in ("x", "v", "a"):
             setattr(s, name, getattr(s, name) - getattr(s.other, name))
-    rates = list(effect.rates(s, values)) if effect.rates is not None else []
+    rates = list(written(effect, effect.rates, s, values)) if effect.rates is not None else []
     if effect.force is None:
         return Action([], rates)
     if effect.scope == "dof" and not active.dof:
-        return Action([(i, effect.force(SimpleNamespace(**{**vars(each), "z": s.z}), values))
+        return Action([(i, written(effect, effect.force, SimpleNamespace(**{**vars(each), "z": s.z}), values))
                        for i, each in enumerate(signals)], rates)
-    result = effect.force(s, values)
+    result = written(effect, effect.force, s, values)
     if effect.scope == "between":
         return Action([(places[0], result), (places[1], -result)], rates)
     parts = result if isinstance(result, (tuple, list)) else (result,)
     return Action(list(zip(places or range(len(dofs)), parts)), rates)
+
+
+def written(effect: Effect, law: Expression, s: Any, values: Any) -> Any:
+    """Return what an effect's law makes of its signals; InputError if it decides by them in Python."""
+    try:
+        return law(s, values)
+    except (RuntimeError, ValueError) as error:
+        if "truth value" not in str(error):
+            raise
+        raise InputError(f"effect {effect.name}: its law decides by `if`, `max` or `and`, which a formula of signals "
+                         "cannot; write casadi.if_else(s.v > 0, 1, -1), casadi.fmax or casadi.sign") from None
