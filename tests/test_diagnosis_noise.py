@@ -437,7 +437,7 @@ def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(
     assert found.verdict.status == "no_gap" and found.how_far.gap_before == pytest.approx(0.02, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(seed):
     """A complex Gaussian process over log2 w, 2 % rms, whose correlation falls in .7 octaves."""
     octaves = np.linspace(-1.0, 2.5, 60)
@@ -448,7 +448,7 @@ def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(
     assert not found.verdict.effects and found.verdict.status != "unknown_effect"
 
 
-@pytest.mark.parametrize("seed, column", [(0, "wave_elevation"), (1, "Heave_force"), (2, "wave_elevation")])
+@pytest.mark.parametrize("seed, column", [(0, "wave_elevation"), (1, "Heave_force")])
 def test_a_long_body_is_not_judged_where_its_waves_cancel(seed, column):
     """X of a wall-sided box by Froude and Krylov passes through zero at 2 rad/s; the true one is 1 % longer."""
     def X(w, longer=1.0):

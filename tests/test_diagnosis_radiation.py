@@ -39,7 +39,7 @@ def record(damping, seed, duration=120.0, dt=0.05 / 8):
     return rss.Record(time[::8], {"Heave": x[::8], "Heave_force": force[::8]}, kind="forced", name=f"seed {seed}")
 
 
-@pytest.mark.parametrize("order, damping", [(2, 0.0), (2, 1.2), (6, 1.2)])
+@pytest.mark.parametrize("order, damping", [(2, 1.2), (6, 1.2)])
 def test_radiation_beyond_the_fit_is_no_effect_and_biases_none(order, damping):
     A, B, c = state_space()
     omega = np.linspace(0.1, 12.0, 120)
