@@ -197,7 +197,8 @@ def test_bad_effects_are_refused_with_a_clear_word():
     with pytest.raises(InputError, match=r"no number with width = sharpness = 0.*give width \[X/s\]"):
         activate(("coulomb_friction", {"force": 1.0}), ["Heave"])        # F v / sqrt(v^2 + width^2) at rest is 0 / 0
     with pytest.raises(InputError, match="longer -1 found, more than -1 needed"):
-        simulate(coupled_model(), (TIME, np.zeros((2, TIME.size))), [("radiation_damping", {"share": 0.1, "longer": -1.0})])
+        simulate(coupled_model(), (TIME, np.zeros((2, TIME.size))),
+                 [("radiation_damping", {"share": 0.1, "longer": -1.0})])
     assert activate(None, ["Heave"]) == () == activate([], ["Heave"])
 
 
