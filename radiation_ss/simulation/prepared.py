@@ -72,7 +72,7 @@ class Prepared:
 
     @cached_property
     def wave_drive(self) -> FloatArray:
-        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, 2 + 2 n)."""
+        """The waves (see `wave_motion`) as `drive` has the force, shape (nt, 9, rows)."""
         assert self.model is not None
         return self._at_steps([*map(self._followed, wave_motion(self.model, self.record))])
 
