@@ -17,7 +17,7 @@ OMEGA = np.concatenate([np.linspace(1e-3, 40.0, 400001), np.geomspace(40.0, 4e3,
 def test_moments_are_those_of_the_density(hs, tp, gamma):
     sea = rss.jonswap(hs, tp, gamma=gamma)
     w = OMEGA * 2.0 * np.pi / tp
-    for order, tolerance in ((0, 1e-6), (1, 1e-6), (2, 1e-5)):
+    for order, tolerance in ((-1, 1e-6), (0, 1e-6), (1, 1e-6), (2, 1e-5)):
         assert np.trapezoid(w**order * sea(w), w) == pytest.approx(sea.moment(order), rel=tolerance)
     assert sea.moment(0) == pytest.approx(hs**2 / 16.0, rel=1e-12)
     assert w[np.argmax(sea(w))] == pytest.approx(2.0 * np.pi / tp, rel=1e-3)
@@ -103,3 +103,19 @@ def test_welch_spectrum_of_a_long_sea_is_the_spectrum():
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):
         call()
+
+
+@given(hs=st.floats(0.01, 10.0), tp=st.floats(0.5, 20.0))
+def test_energy_period_of_pierson_and_moskowitz_and_of_a_table(hs, tp):
+    """Te = Gamma(5/4) 1.25^(-1/4) Tp for gamma 1; a triangle from 0 to 2 w: int S / w = 2 ln 2 S(w)."""
+    assert rss.jonswap(hs, tp, gamma=1.0).te == pytest.approx(0.9064024770554771 * 1.25**-0.25 * tp, rel=1e-9)
+    w = 2.0 * np.pi / tp
+    table = rss.user_spectrum([0.0, w, 2.0 * w], [0.0, hs, 0.0])
+    assert table.moment(-1) == pytest.approx(2.0 * np.log(2.0) * hs, rel=1e-9)
+
+
+def test_a_moment_that_does_not_exist_is_refused():
+    sea, table = rss.jonswap(1.0, 8.0), rss.user_spectrum([0.0, 1.0, 2.0], [0.5, 1.0, 0.0])
+    for call in (lambda: sea.moment(4), lambda: sea.moment(-2), lambda: table.moment(-1)):
+        with pytest.raises(rss.InputError, match="order: "):
+            call()

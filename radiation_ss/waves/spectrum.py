@@ -26,13 +26,13 @@ def jonswap_shape(x: ArrayLike, gamma: float | FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=4096)
 def shape_moment(order: int, gamma: float) -> float:
-    """Return the moment int_0^inf x^order shape(x) dx, order 0 to 3.
+    """Return the moment int_0^inf x^order shape(x) dx, order -1 to 3.
 
     The Pierson-Moskowitz part is closed, Gamma(1 - order/4) 1.25^(order/4) / 5; the rest, which lives near x = 1, is by
     Gauss-Legendre quadrature on each side of the kink in sigma.
     """
-    if not 0 <= order <= 3:
-        raise InputError(f"order: the moment of order {order} of a w^-5 tail does not exist; use 0 to 3")
+    if not -1 <= order <= 3:
+        raise InputError(f"order: {order} is not one of -1 to 3; those of 4 and more of a w^-5 tail do not exist")
     total = gamma_function(1.0 - order / 4.0) * 1.25 ** (order / 4.0) / 5.0
     nodes, weights = np.polynomial.legendre.leggauss(60)
     for low, high in ((0.15, 1.0), (1.0, 1.45), (1.45, 3.0)):  # beyond, the enhancement is below 1e-40
@@ -93,7 +93,7 @@ class Spectrum(Brief):
         return np.interp(np.asarray(omega, dtype=float), self.omega, self.density, left=0.0, right=0.0)
 
     def moment(self, order: int) -> float:
-        """Return m_order = int w^order S dw, order 0 to 3, in closed form (or exactly, for a table).
+        """Return m_order = int w^order S dw, order -1 to 3, in closed form (or exactly, for a table).
 
         >>> round(sea.moment(0), 3)
         0.25
@@ -101,9 +101,14 @@ class Spectrum(Brief):
         if self.omega is None or self.density is None:
             peak = 2.0 * pi / self.tp
             return self.hs**2 / 16.0 * peak**order * shape_moment(order, self.gamma) / shape_moment(0, self.gamma)
-        if not 0 <= order <= 3:
-            raise InputError(f"order: {order} is not one of 0 to 3")
+        if not -1 <= order <= 3:
+            raise InputError(f"order: {order} is not one of -1 to 3")
         return table_moment(self.omega, self.density, order)
+
+    @property
+    def te(self) -> float:
+        """Energy period 2 pi m_-1 / m0 [s]."""
+        return 2.0 * pi * self.moment(-1) / self.moment(0)
 
     @property
     def t01(self) -> float:
@@ -126,7 +131,14 @@ class Spectrum(Brief):
 
 
 def table_moment(omega: FloatArray, density: FloatArray, order: int) -> float:
-    """Return int w^order S dw of a piecewise linear S, exactly (3-point Gauss on each piece)."""
+    """Return int w^order S dw of a piecewise linear S, exactly (3-point Gauss on each piece, logarithms for -1)."""
+    if order == -1:
+        slope = np.diff(density) / np.diff(omega)
+        still = density[:-1] - slope * omega[:-1]  # of S = still + slope w
+        if omega[0] == 0.0 and density[0] > 0.0:
+            raise InputError("order: the moment of order -1 of a spectrum that is not zero at 0 rad/s does not exist")
+        first = np.where(omega[:-1] > 0.0, omega[:-1], omega[1:])
+        return float(np.sum(np.diff(density) + still * np.log(omega[1:] / first)))
     nodes, weights = np.polynomial.legendre.leggauss(3)
     half = 0.5 * np.diff(omega)[:, None]
     w = omega[:-1, None] + half * (1.0 + nodes)
