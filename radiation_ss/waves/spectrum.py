@@ -107,7 +107,7 @@ class Spectrum(Brief):
 
     @property
     def te(self) -> float:
-        """Energy period 2 pi m_-1 / m0 [s]."""
+        """Energy period [s]: 2 pi times the moment of order -1 over that of order 0."""
         return 2.0 * pi * self.moment(-1) / self.moment(0)
 
     @property
