@@ -173,3 +173,9 @@ def test_a_plan_takes_the_tolerance_that_the_model_states():
     one, other, sure = (rss.plan_tests(body, 0.04, ["linear_stiffness"], tolerance, tests=["decay, large"]).single[0, 0]
                         for body, tolerance in ((stated, None), (tank_model(), {"stiffness": 0.2}), (stated, 0.02)))
     assert one == pytest.approx(other) and one < 0.5 * sure
+
+
+def test_a_small_decay_alone_has_the_effects_of_a_large_one():
+    """What needs a force or waves acts in neither, though other tests of the menu give the sizes."""
+    small, large = (rss.plan_tests(tank_model(), 0.04, tests=[test]) for test in ("decay, small", "decay, large"))
+    assert set(small.labels) == set(large.labels) and "excitation_gain on Heave" not in small.labels

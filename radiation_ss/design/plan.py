@@ -231,7 +231,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     >>> print(str(plan).splitlines()[0])
     Tests for body: the whole menu shows 2 of 2 effects and tells 1 of 1 pairs apart.
     """
-    scale = list[PlannedTest]()
+    full = list[PlannedTest]()  # at full amplitude, for the sizes of a menu that has none
     for name, value in (("noise", noise), ("gap", 1.0 if gap is None else gap)):
         positive(value, f"{name} (a share of the motion: 0.01 is 1 %)")
     if isinstance(tests, Mapping):
@@ -241,8 +241,7 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
             raise InputError("tests: beginnings of names of the menu are needed, or a mapping of names to records")
         every = standard_tests(model, amplitudes(model, amplitude), sea, told=amplitude is not None)
         menu = [t for t in every if tests is None or t.name.startswith(tuple(listed(tests)))]
-        if menu and not any(t.large for t in menu):  # what is relative to full amplitude
-            scale = [t for t in every if t.large]
+        full = [] if any(t.large for t in menu) else [t for t in every if t.large]
     if not menu:
         raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "
                          "waves with elevation (where the model carries X)")
@@ -250,12 +249,14 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))
     chosen = considered(effects)
-    found = information_of(model, [*menu, *scale], chosen, spread, noise, gap)
+    records = [test.record for test in menu]
+    forced = any(record.get("force", model.dofs) is not None and record.kind != "decay" for record in records)
+    lacking = {"force": not forced, "waves": not any("wave_elevation" in record.channels for record in records)}
+    act = [effect for effect in chosen if not lacking.get(effect.needs, False)]
+    found = information_of(model, [*menu, *full], act, spread, noise, gap)
     found = replace(found, tests=found.tests[:len(menu)])
     if not found.terms:
         raise InputError("effects: none of them can act in these tests")
-    forced = any(record.get("force", model.dofs) is not None and record.kind != "decay"
-                 for record in (test.record for test in menu))
     return plan_of(model.name, menu, found, absent(forced, model.dofs, chosen, found))
 
 

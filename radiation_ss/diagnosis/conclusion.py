@@ -65,7 +65,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     answer = answered(grounds(found, pair, ledger, closed, own, data, rest, rules), found, ledger, hidden, rules)
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
-                                                                      apart(found, pair.candidate, len(own)))))
+                                                                      off_best(found, pair.candidate, len(own)))))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
@@ -177,7 +177,7 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
     return "no_gap", within(found, found.candidates[0].keys), ()
 
 
-def apart(found: Found, best: Candidate, count: int) -> FloatArray:
+def off_best(found: Found, best: Candidate, count: int) -> FloatArray:
     """Return how far the numbers of the model, `count` of them, are off those of the best set in all sets, rms."""
     means = np.array([c.posterior.mean[:count] for c in found.candidates])
     return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))

@@ -144,9 +144,9 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         raise InputError(f"effect {name}: {wrong[0]} is {numbers[wrong[0]]}; a finite number is needed")
     active = Active(effect, dof, numbers, other)
     strengths = [key for key, p in effect.parameters.items() if p.strength]
-    needed = [key for key in ("side",) if key in effect.parameters and key not in numbers]
-    if needed or not any(key in numbers for key in strengths):
-        raise InputError(f"effect {name}: {' or '.join(needed or strengths)} is missing, without which it does nothing")
+    without = "side" if "side" in effect.parameters.keys() - numbers else " or ".join(strengths)
+    if without == "side" or not any(key in numbers for key in strengths):
+        raise InputError(f"effect {name}: {without} is missing, without which it does nothing")
     absent = [key for key, p in effect.parameters.items() if not p.strength and not numbers.get(key)]
     if absent and not _is_a_number(active, dofs):
         raise InputError(f"effect {name}: its force is no number with {' = '.join(absent)} = 0, as what is not given; "
