@@ -32,6 +32,12 @@ class Term:
     shapes: int = 1  # Number of starts, as rare as its own, that it was chosen from
     start: Active | None = None  # The one that a refined shape comes from: the middle of its prior
     volume: float = 0.0  # Log prior mass of a refined shape, of that about its start
+    width: float = 1.0  # What multiplies the prior standard deviations of its strengths
+
+    def widened(self, width: float) -> "Term":
+        """Return the term with its strengths' priors of another width."""
+        spread = width / self.width * self.columns.spread
+        return self if width == self.width else replace(self, columns=replace(self.columns, spread=spread), width=width)
 
     @property
     def key(self) -> Key:
@@ -179,7 +185,7 @@ def with_numbers(problem: EquationError, term: Term, numbers: Mapping[str, float
     active = replace(term.active, values={**term.active.values, **numbers})
     slabs = slabs_of(problem, active.effect, active.dof, active.other)
     columns = term_columns(problem, active, slabs) if slabs else None
-    return None if columns is None else replace(term, active=active, columns=columns)
+    return None if columns is None else replace(term, active=active, columns=columns, width=1.0).widened(term.width)
 
 
 def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
@@ -239,11 +245,11 @@ def carried_over(problem: EquationError, near: Candidate, terms: Sequence[Term],
     """Return the unknowns of a set as another one has them; a term that this has not is at its prior."""
     first, places = problem.base.count, dict[int, range]()
     for term in near.terms:
-        places[id(term)] = range(first, first + term.columns.count)
+        places[id(term.active)] = range(first, first + term.columns.count)
         first += term.columns.count
     wanted = [*range(problem.base.count)]
     for term in terms:
-        wanted += places.get(id(term), [-1] * term.columns.count)
+        wanted += places.get(id(term.active), [-1] * term.columns.count)
     at = np.array(wanted)
     known = np.flatnonzero(at >= 0)
     mean, covariance = np.zeros(at.size), np.diag(columns.spread**2)

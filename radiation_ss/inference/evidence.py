@@ -25,6 +25,7 @@ from radiation_ss.inference.search import (
     Found,
     SearchRules,
     best_first,
+    in_likelier_widths,
     log_prior,
     solve_set,
     with_inclusion,
@@ -94,6 +95,7 @@ class Weighing:
         if log_noise(trial, q, now, likely, self.rules, errors=True) < least - self.rules.reach:
             return None
         trial, q, now = with_sizes(trial, *(lowest(trial, q, self.fit) or (q, now)), self.rules, self.fit)
+        trial, q, now = self.in_likelier_widths(trial, q, now)
         if any(a.start is not b.start or a.active is not b.active
                for a, b in zip(trial.candidate.terms, candidate.terms)):
             candidate = self.by_equation(trial.candidate.terms, candidate.posterior.sizes)
@@ -102,12 +104,24 @@ class Weighing:
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         point = trial.parameters(q)
         prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume
-                    for term in trial.at_numbers(candidate.terms, point))
+                    for term in trial.at_numbers(trial.candidate.terms, point))
         prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         sizes = replace(candidate.posterior.sizes, tolerance=trial.tolerance)
-        candidate = replace(candidate, posterior=replace(candidate.posterior, sizes=sizes), point=point)
+        candidate = replace(candidate, terms=trial.candidate.terms, point=point,
+                            posterior=replace(candidate.posterior, sizes=sizes))
         return Weighed(candidate, float(evidence + prior), dict(zip(names(trial), point.tolist())),
                        q[trial.free.size:], trial.noise)
+
+    def in_likelier_widths(self, trial: Trajectories, q: FloatArray,
+                           now: Normal) -> tuple[Trajectories, FloatArray, Normal]:
+        """Return a fit with each force in the part of its prior that is likelier of its numbers."""
+        terms = trial.candidate.terms
+        likelier = in_likelier_widths(trial.at_numbers(terms, trial.parameters(q)), terms, self.rules)
+        if all(new is old for new, old in zip(likelier, terms)):
+            return trial, q, now
+        wider, start = trial.in_widths_of(likelier, q)
+        reached = lowest(wider, start, self.fit)
+        return with_sizes(wider, *reached, self.rules, self.fit) if reached else (trial, q, now)
 
     def race(self, simulated: Trajectories, proposal: Proposal) -> list[tuple[Trajectories, FloatArray, Normal]]:
         """Return the points that a step reaches from the lowest starts, until some of them agree on the lowest one."""
@@ -133,7 +147,7 @@ class Weighing:
         """
         candidate = trial.candidate
         for start in proposal.starts:
-            about = trial.about(replace(candidate, terms=start.terms))
+            about = trial.about(start.terms)
             yield about, begun(about, start)
         if proposal.starts:
             return
@@ -162,7 +176,7 @@ class Weighing:
         found = self.by_equation(terms, sizes, learned=False)
         numbers = from_regression(self.found.problem, found, self.stated)
         start = vector_of((*numbers.nominal, *(numbers.effects[k] for k in trial.kept)))
-        return (about := trial.about(found)), about.start(start)
+        return (about := trial.about(found.terms)), about.start(start)
 
     def next_to(self, weighed: Weighed, known: Mapping[Keys, Candidate]) -> tuple[list[Proposal], list[Proposal]]:
         """Return the sets that differ by one effect and promise most by linear theory, and rivals with as many."""

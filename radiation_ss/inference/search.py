@@ -31,6 +31,13 @@ class SearchRules:
         Prior probability that an effect acts on one place.
     rare : float
         The same of an effect that is met less often (`Effect.rare`).
+    strong : float
+        Share of the forces that are stronger: their strengths' prior is a mixture of normal ones, each part rarer than
+        the one before by this factor. So it falls by a power law.
+    stronger : float
+        What multiplies the standard deviations from one part to the next.
+    parts : int
+        Of the mixture.
     most : int
         Effects at once, wrong zeros of forces and sensors not counted.
     beam : int
@@ -49,6 +56,9 @@ class SearchRules:
 
     inclusion: float = 0.1
     rare: float = 0.01
+    strong: float = 0.1
+    stronger: float = 6.0
+    parts: int = 3
     most: int = 6
     beam: int = 3
     width: int = 6
@@ -245,8 +255,46 @@ def start_sizes(problem: EquationError) -> Sizes:
 
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
               present: Sequence[str] = (), learned: bool = True, near: Candidate | None = None) -> Candidate:
-    """Return a set of effects with all sizes learned, or with `sizes` as they are, from the unknowns of one `near`."""
+    """Return a set of effects with all sizes learned, or with `sizes` as they are, from the unknowns of one `near`.
+
+    Each force is as strong as is likelier of what is found.
+    """
     rules = rules or SearchRules()
+    found = solve_terms(problem, terms, sizes, rules, present, learned, near)
+    likelier = in_likelier_widths(with_strengths(problem, found.terms, found.posterior.mean), found.terms, rules)
+    if all(new is old for new, old in zip(likelier, terms)):
+        return found
+    return solve_terms(problem, likelier, found.posterior.sizes, rules, present, learned, found)
+
+
+def in_likelier_widths(numbers: Sequence[Term], terms: Sequence[Term], rules: SearchRules) -> tuple[Term, ...]:
+    """Return terms with their priors as wide as is likelier of the numbers, those of the same terms."""
+    found = []
+    for known, term in zip(numbers, terms):
+        narrow = term.widened(1.0).columns.spread
+        if forceful(term):
+            strengths = np.maximum([known.active.values[name] for name in term.strengths], term.columns.lower) / narrow
+            heights = {width: log_width(term, width, rules) - np.sum(np.log(width) + 0.5 * (strengths / width) ** 2)
+                       for width in rules.stronger ** np.arange(rules.parts)}
+            term = term.widened(max(heights, key=lambda width: heights[width]))
+        found.append(term)
+    return tuple(found)
+
+
+def forceful(term: Term) -> bool:
+    """Whether it is a force of one strength in all records."""
+    return term.active.effect.force is not None and not term.active.effect.per_record
+
+
+def log_width(term: Term, width: float, rules: SearchRules) -> float:
+    """Return the log prior probability of a part of the mixture that a force's strengths come from."""
+    part = np.log(width) / np.log(rules.stronger)
+    return float(np.log(1.0 - rules.strong) + part * np.log(rules.strong)) if forceful(term) else 0.0
+
+
+def solve_terms(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules,
+                present: Sequence[str], learned: bool, near: Candidate | None) -> Candidate:
+    """Return a set of effects with their priors as wide as they are."""
     columns = joined([problem.base, *(term.columns for term in terms)])
     none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out
     posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, nuisances=problem.base.count,
@@ -261,7 +309,7 @@ def log_prior(term: Term, rules: SearchRules, present: Sequence[str] = ()) -> fl
     """Return the log odds that an effect acts with its shape: one of its starts, or what is about a refined one."""
     chance = rules.rare if term.active.rare else rules.inclusion
     odds = 0.0 if term.active.name in present else np.log(chance / (1.0 - chance))
-    return float(odds - np.log(term.shapes) + term.volume)
+    return float(odds - np.log(term.shapes) + term.volume + log_width(term, term.width, rules))
 
 
 def with_strengths(problem: EquationError, terms: Sequence[Term], unknowns: FloatArray) -> list[Term]:

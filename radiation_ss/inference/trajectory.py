@@ -91,6 +91,7 @@ class Trajectories:
                                            for bound in ("sd", "lower", "upper"))
         strengths = [p.strength for term in terms for p in term.active.effect.parameters.values()]
         self.strength = np.array([True] * len(own) + strengths, dtype=bool)[self.free]
+        self.sd *= self._widths(candidate)
         self.mean = self._middle(candidate)
         self.prepared = [simulated.prepared(r, h) for r in self.records]
         self.coarse = [p if step == h else replace(p, grid=np.arange(p.grid[0], p.grid[-1] + 1.5 * step, step))
@@ -121,11 +122,28 @@ class Trajectories:
         starts = [term.start or term.active for term in candidate.terms if not term.active.effect.per_record]
         return np.where(self.strength, 0.0, vector_of((*self.first.nominal, *starts))[self.free])
 
-    def about(self, candidate: Candidate) -> Trajectories:
-        """Return the same simulation with the shapes' priors about the starts of another candidate."""
-        found = copy(self)
-        found.candidate, found.mean = candidate, self._middle(candidate)
+    def _widths(self, candidate: Candidate) -> FloatArray:
+        """Return what multiplies the prior standard deviation of each free parameter by the widths of a candidate."""
+        widths = [term.width for term in candidate.terms if not term.active.effect.per_record]
+        own = len(self.first.nominal)
+        sizes = [len(a.effect.parameters) for a in self.actives[own:]]
+        return np.where(self.strength, np.r_[np.ones(own), np.repeat(widths, sizes)][self.free], 1.0)
+
+    def about(self, terms: Sequence[Term]) -> Trajectories:
+        """Return the same simulation with the shapes' priors about the starts of the same effects' other terms."""
+        found, others = copy(self), {term.key: term for term in terms}
+        own = self.candidate.terms
+        found.candidate = replace(self.candidate, terms=tuple(others[t.key].widened(t.width) for t in own))
+        found.mean = self._middle(found.candidate)
         return found
+
+    def in_widths_of(self, terms: Sequence[Term], q: FloatArray) -> tuple[Trajectories, FloatArray]:
+        """Return the same simulation with the strengths' priors as wide as those of terms, and the unknowns of q."""
+        found, point = copy(self), q.copy()
+        found.candidate = replace(self.candidate, terms=tuple(terms))
+        wider = self._widths(found.candidate) / self._widths(self.candidate)
+        found.sd, point[: wider.size] = wider * self.sd, q[: wider.size] / wider
+        return found, point
 
     def in_units_of(self, tolerance: float) -> FloatArray:
         """Return the unknowns that are one of those with another log of the common factor of the tolerances."""
