@@ -55,12 +55,12 @@ def recorded(model, rng, kind, name):
 def test_errors_that_grow_with_the_motion_are_no_gap(kind):
     answers = []
     for model in (roll(), heave()):
-        for seed in range(3):
+        for seed in range(2):
             rng = np.random.default_rng(seed)
             seen, unseen = (recorded(model, rng, kind, name) for name in ("seen", "unseen"))
             answers.append(rss.diagnose(model, seen, withhold=unseen).verdict)
     assert not any(answer.effects for answer in answers)
-    assert sum(answer.status == "no_gap" for answer in answers) >= 5  # of six: an excess of two deviations is chance
+    assert sum(answer.status == "no_gap" for answer in answers) >= 3  # of four: an excess of two deviations is chance
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -154,6 +154,21 @@ def test_end_stops_are_found_beside_a_slow_force(share, loss):
     assert found.budget.unexplained < 0.05 < found.budget.before and found.budget.after < 0.3 * found.budget.before
     value, std = next(row for row in found.budget.rows if row.cause == "end_stop").parameters["gap"]
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
+
+
+def test_the_prior_of_a_strong_force_does_not_pull_its_number():
+    """A drag that takes nearly all of the exciting force, in short and noisy records: its errors have mean zero."""
+    off, true = [], 1000.0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        time, force, moved = driven(heave(), rng, periods=12, force=lambda t, x, v: true * v * abs(v))
+        even = time[::8]
+        read = moved(even) + 0.2 * np.std(moved(even)) * rng.normal(size=even.size)
+        record = rss.Record(even, {"Heave": read, "Heave_force": force(even)}, kind="forced")
+        found = rss.diagnose(heave(), record, effects=["quadratic_drag"])
+        value, std = found.verdict.effects[0].parameters["coefficient"]
+        off.append((value - true) / std)
+    assert abs(np.mean(off)) < 3.0 / np.sqrt(6.0)
 
 
 def pushed(model, rng, top, rms, name):

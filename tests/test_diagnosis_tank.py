@@ -77,21 +77,19 @@ def disjoint_and_sure(one, other):
     return bool(b) and other.verdict.probability >= 0.8 and not a & b
 
 
-@pytest.mark.parametrize("change", ["order", "names", "thinned", "split", "tolerance", "shorter", "noisier"])
+@pytest.mark.parametrize("change", ["order and names", "thinned, tolerance", "split", "shorter and noisier"])
 def test_what_must_not_matter_changes_no_name_for_another(two, change):
     model, records, first = two
     rng = np.random.default_rng(3)
     changed = {
-        "order": lambda: records[::-1],
-        "names": lambda: [replace(r, name=f"a/b$\\frac{{$ {k}") for k, r in enumerate(records)],
-        "thinned": lambda: [replace(r, time=r.time[::2], channels={k: v[::2] for k, v in r.channels.items()})
-                            for r in records],
+        "order and names": lambda: [replace(r, name=f"a/b$\\frac{{$ {k}") for k, r in enumerate(records[::-1])],
+        "thinned, tolerance": lambda: [
+            replace(r, time=r.time[::2], channels={k: v[::2] for k, v in r.channels.items()}) for r in records],
         "split": lambda: [part for r in records for part in (r.window(-1.0, 15.0), r.window(15.0, 99.0))],
-        "tolerance": lambda: records,
-        "shorter": lambda: [r.window(-1.0, 20.0) for r in records],
-        "noisier": lambda: [r.with_channels(Heave=r.channels["Heave"] + 0.01 * r.channels["Heave"].std()
-                                            * rng.standard_normal(r.time.size)) for r in records]}[change]()
-    found = rss.diagnose(model, changed, tolerance=0.04 if change == "tolerance" else 0.02)
+        "shorter and noisier": lambda: [
+            r.with_channels(Heave=r.channels["Heave"] + 0.01 * r.channels["Heave"].std()
+                            * rng.standard_normal(r.time.size)).window(-1.0, 20.0) for r in records]}[change]()
+    found = rss.diagnose(model, changed, tolerance=0.04 if "tolerance" in change else 0.02)
     assert not disjoint_and_sure(first, found)
 
 
@@ -118,7 +116,7 @@ def test_the_other_sign_of_the_axis_changes_no_name(two):
 
 def test_what_is_absent_is_not_named_and_what_is_present_is_in_every_set(two):
     model, records, _ = two
-    without = rss.diagnose(model, records, absent=["quadratic_drag"])
+    without = rss.diagnose(model, records[:2], absent=["quadratic_drag"])
     assert "quadratic_drag" not in names(without)
     told = rss.diagnose(model, records, ["cubic_stiffness", "coulomb_friction"], present=["quadratic_drag"])
     assert all("quadratic_drag" in {e.name for e in c.effects} for c in told.which)

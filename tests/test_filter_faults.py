@@ -135,10 +135,9 @@ def test_a_damaged_numba_cache_is_compiled_again(tmp_path):
                               check=True).stdout
 
     first = run()
-    for kind in ("cut", "empty", "noise"):
-        files = [path for path in tmp_path.rglob("*.nb?") if path.is_file()]
-        assert len(files) >= 8  # an index and the code of each function
-        for path in files:
-            data = path.read_bytes()
-            path.write_bytes({"cut": data[:len(data) // 2], "empty": b"", "noise": bytes(len(data))}[kind])
-        assert run() == first
+    files = sorted(path for path in tmp_path.rglob("*.nb?") if path.is_file())
+    assert len(files) >= 8  # an index and the code of each function
+    for k, path in enumerate(files):
+        data = path.read_bytes()
+        path.write_bytes([data[:len(data) // 2], b"", bytes(len(data))][k % 3])
+    assert run() == first
