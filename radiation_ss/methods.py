@@ -44,7 +44,10 @@ def accepting(**forms: Callable[..., Any]) -> Callable[[Callable[P, R]], Callabl
 
         @wraps(function)
         def opened(*args: P.args, **options: P.kwargs) -> R:
-            bound = parameters.bind(*args, **options)
+            try:
+                bound = parameters.bind(*args, **options)
+            except TypeError as error:
+                raise TypeError(f"{function.__name__}() {error}") from None
             for name, form in forms.items():
                 if name in bound.arguments:
                     known = {"model": bound.arguments["model"]} if name in by_model else {}

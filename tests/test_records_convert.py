@@ -112,3 +112,10 @@ def test_to_xarray_carries_units_and_comments():
     data = to_xarray(RECORD)
     assert data["Heave_force"].attrs["units"] == "N" and data.attrs["speed"] == 1.5
     np.testing.assert_array_equal(data["Heave"].sel(time=TIME[3]), RECORD.channels["Heave"][3])
+
+
+@pytest.mark.parametrize("arguments, words", [({"withold": RECORD}, r"diagnose\(\) .*'withold'"),
+                                              ({"model": None}, r"diagnose\(\) .*'model'")])
+def test_a_wrong_argument_is_told_with_the_functions_name(arguments, words):
+    with pytest.raises(TypeError, match=words):
+        rss.diagnose("model.nc", RECORD, **arguments)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
-from radiation_ss.records.convert import RecordLike, as_records
+from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
@@ -41,28 +40,13 @@ __all__ = ["Diagnosis", "diagnose"]
 Progress = Callable[[str, float], None]
 
 
-class Further(TypedDict, total=False):
-    """Further arguments of `diagnose`, each by its name."""
-
-    withhold: RecordLike | Sequence[RecordLike]
-    rules: Rules | None
-    progress: Progress | None
-
-
-def further(model: Model, withhold: RecordLike | Sequence[RecordLike] = (), rules: Rules | None = None,
-            progress: Progress | None = None) -> tuple[list[Record], Rules, Progress]:
-    """Return the arguments of `Further` with their defaults."""
-    records = as_records(withhold, model)
-    return ([records] if isinstance(records, Record) else list(records), rules or Rules(),
-            progress or (lambda text, share: None))
-
-
-@accepting(model=as_model, records=as_records)
+@accepting(model=as_model, records=as_records, withhold=as_records)
 @on_one_core
 def diagnose(model: Model, records: Sequence[Record] | Record,
              effects: Sequence[str | Effect] | str | Effect | None = None, absent: Sequence[str] | str = (),
              present: Sequence[str] | str = (), tolerance: float | Mapping[str, float] | None = None,
-             seed: int = 0, **more: Unpack[Further]) -> Diagnosis:
+             seed: int = 0, *, withhold: Sequence[Record] | Record = (), rules: Rules | None = None,
+             progress: Progress | None = None) -> Diagnosis:
     """Say where model and measurement differ, which effects cause it, and how far the gap shrinks with them.
 
     Parameters
@@ -110,9 +94,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
-    withhold, rules, tell = further(model, **more)
+    rules, tell = rules or Rules(), progress or (lambda text, share: None)
     generator(seed)
-    raw = [records] if isinstance(records, Record) else list(records)
+    raw, withhold = ([some] if isinstance(some, Record) else list(some) for some in (records, withhold))
     if not raw:
         raise InputError("records: none is given")
     check_given_once(raw, withhold)
