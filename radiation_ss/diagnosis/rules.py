@@ -7,8 +7,8 @@ from typing import Any
 from scipy.stats import norm
 
 from radiation_ss.inference.motion import Resolution
+from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import Discrepancy
-from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory_fit import FitRules
 
 

@@ -18,18 +18,11 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
 from radiation_ss.inference.linear_model import Sizes, joined
 from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
+from radiation_ss.inference.odds import SearchRules, in_likelier_widths, log_prior
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.score import gains
-from radiation_ss.inference.search import (
-    Found,
-    SearchRules,
-    best_first,
-    in_likelier_widths,
-    log_prior,
-    solve_set,
-    with_inclusion,
-)
+from radiation_ss.inference.search import Found, best_first, solve_set, with_inclusion
 from radiation_ss.inference.trajectory import Normal, Trajectories
 from radiation_ss.inference.trajectory_fit import FitRules, likely_noise, log_noise, lowest, with_sizes
 

@@ -14,8 +14,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.candidates import Key, Term, twins
 from radiation_ss.inference.effect_features import features_of
 from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.inference.odds import SearchRules, log_prior
 from radiation_ss.inference.score import Score, alike, products
-from radiation_ss.inference.search import SearchRules, log_prior
 from radiation_ss.inference.trajectory import Normal, Trajectories
 from radiation_ss.inference.trajectory_fit import Added, Theory
 from radiation_ss.simulation.corrected import Corrected

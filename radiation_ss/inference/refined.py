@@ -14,9 +14,10 @@ from radiation_ss.effects.definition import Slab
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.candidates import Candidate, Keys, Term, slabs_of, with_numbers
 from radiation_ss.inference.linear_model import Columns, Sizes, joined
+from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import SearchRules, promise, solve_set
+from radiation_ss.inference.search import promise, solve_set
 
 Slope = tuple[int, str, Slab, Columns]  # which term, the name of its number, its prior, the change of the error
 

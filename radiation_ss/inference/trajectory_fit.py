@@ -10,9 +10,9 @@ from scipy.optimize import minimize_scalar
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
+from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.score import Score, log_factors, products
-from radiation_ss.inference.search import SearchRules
 from radiation_ss.inference.trajectory import Normal, Trajectories
 
 
