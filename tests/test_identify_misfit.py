@@ -191,3 +191,35 @@ def test_score_of_a_force_is_the_likelihood_s_slope():
     assert score == pytest.approx((value(0.5) - value(-0.5)), rel=1e-6)
     assert -information == pytest.approx(value(1.0) + value(-1.0) - 2.0 * value(0.0), rel=1e-4)
     assert cross.shape == (6 + part.size,)
+
+
+@pytest.mark.parametrize("kind, damper", [("decay", 13.0), ("forced", 26.0)])  # the waves' own is 26 at most
+def test_a_damper_that_the_model_lacks_is_no_radiation(kind, damper):
+    """By SciPy's integrator."""
+    model, rng = tank(), np.random.default_rng(1)
+    fit, m = model.fit, model.fit.states
+    inertia, C = float((model.M + model.A_inf)[0, 0]), float(model.C[0, 0])
+    time = np.arange(0.0, 8.0 if kind == "decay" else 60.0, 0.02)
+    phases, omega = rng.uniform(0.0, 6.28, 30), rng.uniform(4.0, 10.0, 30)
+    push = 0.0 if kind == "decay" else 0.5 * np.cos(np.outer(time, omega) + phases).sum(axis=1)
+    force = CubicSpline(time, push + 0.0 * time)
+
+    def rate(t, s):
+        x, v = s[m:]
+        pull = fit.c[0] @ s[:m] + model.D[0, 0] * v + damper * v + C * x
+        return [*(fit.a @ s[:m] + fit.b[:, 0] * v), v, (force(t) - pull) / inertia]
+
+    start = np.r_[np.zeros(m), 0.02 if kind == "decay" else 0.0, 0.0]
+    heave = solve_ivp(rate, time[[0, -1]], start, t_eval=time, rtol=1e-9, atol=1e-12, max_step=0.02).y[m]
+    heave = heave + 2e-3 * heave.std() * rng.standard_normal(time.size)
+    record = Record(time, {"Heave": heave} | ({} if kind == "decay" else {"Heave_force": force(time)}), kind=kind)
+    found = identify(model, record, "prediction-error", omega=BAND, draws=200)
+    B = model.fit.frequency_response(BAND).real
+    assert np.all(np.abs(found.B.mean - B) < 3.0 * (found.B.upper - found.B.lower) / 3.92)
+    row = found.parameters["damping [Heave]"]
+    assert abs(row["mean"] - damper) < 3.0 * row["std"] < damper
+    (told,) = (text for text in found.warnings if "linear damping [Heave]" in text)
+    assert "waves do not carry away" in told and not any("not look linear" in text for text in found.warnings)
+    (plant,) = found.plants(1)
+    known = found.form.rigid(found.u, model.M + model.A_inf, model.C)[0][0, 0, 0]
+    assert -plant.A[-1, -1] * known == pytest.approx(float(model.D[0, 0]) + row["mean"], rel=1e-6)

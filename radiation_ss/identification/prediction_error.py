@@ -1,91 +1,33 @@
-"""Prediction errors: a fit where the force is known, and what nonlinear laws its residuals ask for.
+"""Prediction errors: a fit where the force is known. Laws that its residuals ask for are taken out of A and B."""
 
-A fit of a linear model puts most of a quadratic drag, or of a stiffness that changes with displacement, down to other
-parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier) tests
-ask instead for the one shape that the departure would have, with all other parameters free: -c v|v|, -c v/|v| and
--c x^3, with x and v as the model's own filter has them. What is asked for is named, and taken out of A and B.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import ROTATIONS, mode
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
+from radiation_ss.identification.laws import (
+    DAMPING,
+    damping_of,
+    law_warnings,
+    lawful,
+    laws_of,
+    score_laws,
+    strength,
+)
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
+from radiation_ss.inference.laplace import Climb, Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
-UNITS = {"quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
-         "dry friction": ("N", "N m")}
-
 TAKEN_OUT = "it is taken out of A and B as far as the records tell it from them"
-
-
-def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1) -> list[Law]:
-    """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
-
-    Friction is rounded below the share `onset` of the velocity's rms.
-    """
-    channels, out = part.channels, list[Law]()
-    if not np.isfinite(channels.y).all():
-        return out
-    filtered = part.filtered(u, v)
-    for j, dof in enumerate(part.model.dofs):
-        order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
-        shapes = dict[str, FloatArray]()
-        if 0 in order:
-            x = filtered[:, order[0]]
-            shapes["cubic stiffness"] = x**3
-            velocity = CubicSpline(channels.time, x)(channels.time, 1)
-        elif 1 in order:
-            velocity = filtered[:, order[1]]
-        else:
-            continue
-        shapes["quadratic drag"] = velocity * np.abs(velocity)
-        shapes["dry friction"] = velocity / np.hypot(velocity, onset * velocity.std())
-        for kind, shape in shapes.items():
-            coefficient = float(part.force_scale[j]) / float(np.abs(shape).max())
-            force = np.zeros_like(part.force)
-            force[:, j] = -coefficient * shape
-            out.append(Law(f"{kind} [{dof}]", force, coefficient))
-    return out
-
-
-def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
-    """Return, for each law, the one-step estimate of its coefficient with standard deviation, statistic and p.
-
-    Coefficients of the laws in SI units, shared by all records that carry displacement or velocity.
-    """
-    gradient, u = target.local(peak.phi)[1], peak.phi[:target.n_u]
-    found: dict[str, list[tuple[float, float, FloatArray]]] = {}
-    for part, at in zip(target.likelihoods, target.places):
-        if not isinstance(part, MotionLikelihood) or not any(part is own for own in parts):
-            continue
-        v = peak.phi[at]
-        for law in laws_of(part, u, v):
-            score, information, cross = part.score_of(law, u, v)
-            row = np.zeros(peak.phi.size)
-            row[np.r_[0:target.n_u, at]] = cross / law.unit
-            found.setdefault(law.name, []).append((score / law.unit, information / law.unit**2, row))
-    out = {}
-    for name, rows in found.items():
-        cross = np.sum([row for _, _, row in rows], axis=0)
-        projected = np.linalg.solve(peak.fisher, cross)
-        left = sum(information for _, information, _ in rows) - float(cross @ projected)
-        score = sum(value for value, _, _ in rows) - float(gradient @ projected)
-        if left > 0.0:
-            out[name] = {"estimate": score / left, "std": left**-0.5, "statistic": score**2 / left,
-                         "p": float(chi2.sf(score**2 / left, 1))}
-    return out
 
 
 def attribute(study: Study, parts: list[MotionLikelihood],
@@ -95,7 +37,7 @@ def attribute(study: Study, parts: list[MotionLikelihood],
     The law with the largest score becomes a force of unknown strength along the measured motion, and the rest is tested
     again. Records with a force of their own are asked before those whose force comes from the elevation.
     """
-    laws, tests, start = list[str](), dict[str, dict[str, float]](), np.zeros(study.target(parts).size)
+    (parts, start, laws), tests = first_fit(study, parts), dict[str, dict[str, float]]()
     sure = any(part.wave is None for part in parts)
     chance = study.rules.nonlinear if sure else study.rules.nonlinear_elevation
     while True:
@@ -104,52 +46,85 @@ def attribute(study: Study, parts: list[MotionLikelihood],
         asked = [part for part in parts if part.wave is None or not sure]
         left = {name: row for name, row in score_laws(target, peak, asked).items() if name not in laws}
         tests |= left
-        name = min(left, key=lambda item: left[item]["p"], default=None)
-        if name is None or len(laws) == study.rules.most_laws or left[name]["p"] >= chance / len(left):
+        name = min((name for name in left if lawful(study, name, left[name]["estimate"])),
+                   key=lambda item: left[item]["p"], default=None)
+        if name is None or len(laws) >= study.rules.most_laws or left[name]["p"] >= chance / len(left):
             return parts, target, peak, tests, laws
         laws.append(name)
         for _ in range(2):      # with the law the filtered motion is another, and the law along it
-            parts, start = followed(study, parts, target, peak, name)
+            parts, start = followed(study, parts, target, peak.phi, name)
             target = study.target(parts)
             peak = find_peak(target, start)
 
 
-def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, peak: Peak,
+def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionLikelihood], FloatArray, list[str]]:
+    """Return the parts, where their fit begins, and the linear damping that they begin with, mostly none.
+
+    A damper that the model lacks is no radiation: without it the climb ends where mass, stiffness and gain all shrink
+    alike, or nowhere. It is there where numbers of the model are moved farther than is believed and it fits better.
+    """
+    target, laws, damped = study.target(parts), [f"{DAMPING} [{dof}]" for dof in study.model.dofs], parts
+    plain, u, start = climbed(target, np.zeros(target.size)), np.zeros(study.n_u), np.zeros(target.size)
+    without = parts, start if plain is None else plain.phi, list[str]()
+    if plain and np.abs(plain.phi[study.form.active.size:study.n_u]).max(initial=0.0) < study.rules.doubt:
+        return without
+    for _ in range(2):  # the body moves once the dampers are nearly as strong as they are, along the motion as it was
+        for name in laws:
+            damped, start = followed(study, damped, target, start, name)
+            target = study.target(damped)
+        nuisances = [held(part, u, start[at]) for part, at in zip(damped, target.places[-len(damped):])]
+        start = np.concatenate([u, *nuisances])
+    asked = [name for name in laws if any(law.name == name for part in damped for law in part.laws)]
+    reached = climbed(target, start) if asked else None
+    for name in asked:
+        if reached is not None:
+            damped, start = followed(study, damped, target, reached.phi, name)
+            reached = climbed(study.target(damped), start)
+    if reached is None or (plain and plain.evidence > reached.evidence):
+        return without
+    row = reached.phi[None]
+    found = {name: strength(name, damped, target.places[-len(damped):], row)["estimate"] for name in asked}
+    lacking = all(lawful(study, name, estimate) for name, estimate in found.items())
+    return (damped, reached.phi, asked) if lacking else without
+
+
+def held(part: MotionLikelihood, u: FloatArray, v: FloatArray, steps: int = 50) -> FloatArray:
+    """Return the most probable nuisance parameters with the body held at u, or what some steps from v come to."""
+    def local(_: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        value, gradient, fisher = part.local(u, v)
+        return value, gradient[u.size:], fisher[u.size:, u.size:]
+
+    likelihood: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v), local=local)
+    target = Target(0, [likelihood], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    return find_peak(target, v, Climb(steps, rough=True)).phi
+
+
+def climbed(target: Target, start: FloatArray) -> Peak | None:
+    """Return the mode above a start; None if none is reached."""
+    try:
+        return find_peak(target, start)
+    except SolverError:
+        return None
+
+
+def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, phi: FloatArray,
              name: str) -> tuple[list[MotionLikelihood], FloatArray]:
-    """Return the parts with the law along the filtered motion of the mode, added or made anew, and where it starts."""
-    u, moved = peak.phi[:study.n_u], []
+    """Return the parts with the law along the filtered motion at phi, added or made anew, and where it starts."""
+    u, moved = phi[:study.n_u], []
     for part, at in zip(parts, target.places[-len(parts):]):
-        v = peak.phi[at]
+        v = phi[at]
         law = next((item for item in laws_of(part, u, v) if item.name == name), None)
         have = next((k for k, item in enumerate(part.laws) if item.name == name), None)
         if law is None:
             moved.append((part, v))
         elif have is None:
-            moved.append(part.with_law(law, v))
+            score, information, _ = part.score_of(law, u, v)
+            moved.append(part.with_law(law, v, score / (information + 1.0)))
         else:
             unit = part.laws[have].unit
             law = Law(name, law.force * (unit / law.unit), unit)
             moved.append((replace(part, laws=(*part.laws[:have], law, *part.laws[have + 1:])), v))
     return [part for part, _ in moved], np.concatenate([u, *(v for _, v in moved)])
-
-
-def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
-             draws: FloatArray) -> dict[str, float]:
-    """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
-    found = [law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
-             for k, law in enumerate(part.laws) if law.name == name]
-    weights = np.array([1.0 / max(float(column.var()), 1e-300) for column in found])
-    means = np.array([column.mean() for column in found])
-    return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
-
-
-def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:
-    """Yield a warning for each nonlinear law that the records ask for, with what was done about it."""
-    for name in laws:
-        kind, dof = name.removesuffix("]").split(" [")
-        yield (f"the body does not look linear: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
-               f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
-               "run diagnose")
 
 
 def by_prediction_error(study: Study) -> Findings:
@@ -173,7 +148,9 @@ def by_prediction_error(study: Study) -> Findings:
     parts, target, peak, tests, laws = attribute(study, parts)
     draws, share = sample(target, [peak], study.rng, study.rules.draws, study.rules.least_passive)
     for law in laws:
-        tests[law] |= strength(law, parts, target.places[-len(parts):], draws)
+        row = strength(law, parts, target.places[-len(parts):], draws)
+        sure = (row["estimate"] / row["std"]) ** 2
+        tests[law] = {"statistic": sure, "p": float(chi2.sf(sure, 1)), **tests.get(law, {}), **row}
     centre, errors = draws.mean(axis=0), {}
     for part, at, floor in zip(parts, target.places[-len(parts):], floors):
         u, v = centre[:study.n_u], centre[at]
@@ -184,7 +161,7 @@ def by_prediction_error(study: Study) -> Findings:
     bodies = draws[:, :study.n_u]
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, laws, TAKEN_OUT)), passive=share,
-                    centre=cautious(study, bodies, bands), bands=tuple(bands))
+                    centre=cautious(study, bodies, bands), damping=damping_of(laws, tests, parts), bands=tuple(bands))
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:

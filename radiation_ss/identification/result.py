@@ -44,7 +44,8 @@ class Identification(Shown):
     parameters : dict
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
         resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`,
-        `force [dof]`: relative changes of the model's nominal numbers.
+        `force [dof]`: relative changes of the model's nominal numbers. `damping [dof]`: linear damping [SI] beside the
+        model's and the waves', where the records ask for it.
     sea : dict
         Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
     information : dict
@@ -117,7 +118,11 @@ class Identification(Shown):
         def build(u: FloatArray) -> Model:
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
             fit = self.form.realise(nearest_passive(self.form, self.form.theta(u), self.draws)[0])
-            return self.model.replace(M=inertia - self.A_inf, C=stiffness, fit=fit, hydro=None)
+            return self.model.replace(M=inertia - self.A_inf, C=stiffness, D=self.model.D + np.diag(beside), fit=fit,
+                                      hydro=None)
+
+        rows = [self.parameters.get(f"damping [{dof}]", {}) for dof in self.dofs]
+        beside = [row.get("mean", 0.0) for row in rows]
 
         return plants_of(self.u.T, n, build, "the draws of the posterior")
 
@@ -165,6 +170,9 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
     nominal = _nominal(study, findings.u)
+    damping = {f"damping [{dof}]": {"mean": mean, "std": std, "prior_mean": 0.0, "prior_std": size,
+                                    "moved": mean / size, "resolved": max(0.0, 1.0 - (std / size) ** 2)}
+               for dof, (mean, std, size) in findings.damping.items()}
     warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
     zero = form.K(theta, [0.0])[:, 0].real
     bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
@@ -180,7 +188,7 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
                 **({} if findings.passive is None else {"passive_share": findings.passive}), **findings.baseline}
     return Identification(
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
-        fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal,
+        fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal | damping,
         sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
         baseline=baseline, warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
 

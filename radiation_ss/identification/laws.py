@@ -1,0 +1,128 @@
+"""Laws of the motion that the residuals of a linear fit ask for, by score tests.
+
+A fit of radiation puts most of a quadratic drag, of a damper, or of a stiffness that changes with displacement, down to
+other parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier)
+tests ask instead for the one shape that the departure would have, with all other parameters free: -c v, -c v|v|,
+-c v/|v| and -c x^3, with x and v as the model's own filter has them.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.stats import chi2
+
+from radiation_ss.arrays import FloatArray
+from radiation_ss.hydro.data import ROTATIONS, mode
+from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood
+from radiation_ss.identification.study import Study
+from radiation_ss.inference.laplace import Peak, Target
+
+DAMPING = "linear damping"
+UNITS = {DAMPING: ("N s/m", "N m s/rad"), "quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"),
+         "cubic stiffness": ("N/m^3", "N m/rad^3"), "dry friction": ("N", "N m")}
+
+
+def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1) -> list[Law]:
+    """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
+
+    That of damping makes a damping ratio of a half. Friction is rounded below the share `onset` of the velocity's rms.
+    """
+    channels, out = part.channels, list[Law]()
+    if not np.isfinite(channels.y).all():
+        return out
+    filtered = part.filtered(u, v)
+    for j, dof in enumerate(part.model.dofs):
+        order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
+        shapes = dict[str, FloatArray]()
+        if 0 in order:
+            x = filtered[:, order[0]]
+            shapes["cubic stiffness"] = x**3
+            velocity = CubicSpline(channels.time, x)(channels.time, 1)
+        elif 1 in order:
+            velocity = filtered[:, order[1]]
+        else:
+            continue
+        shapes[DAMPING] = velocity
+        shapes["quadratic drag"] = velocity * np.abs(velocity)
+        shapes["dry friction"] = velocity / np.hypot(velocity, onset * velocity.std())
+        for kind, shape in shapes.items():
+            half = float((part.model.M + part.model.A_inf)[j, j]) * channels.frequency
+            coefficient = half if kind == DAMPING else float(part.force_scale[j]) / float(np.abs(shape).max())
+            force = np.zeros_like(part.force)
+            force[:, j] = -coefficient * shape
+            out.append(Law(f"{kind} [{dof}]", force, coefficient))
+    return out
+
+
+def taken_apart(name: str) -> tuple[str, str]:
+    """Return kind and degree of freedom of a law's name."""
+    kind, dof = name.removesuffix("]").split(" [")
+    return kind, dof
+
+
+def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) -> dict[str, dict[str, float]]:
+    """Return, for each law, the one-step estimate of its coefficient with standard deviation, statistic and p.
+
+    Coefficients of the laws in SI units, shared by all records that carry displacement or velocity.
+    """
+    gradient, u = target.local(peak.phi)[1], peak.phi[:target.n_u]
+    found: dict[str, list[tuple[float, float, FloatArray]]] = {}
+    for part, at in zip(target.likelihoods, target.places):
+        if not isinstance(part, MotionLikelihood) or not any(part is own for own in parts):
+            continue
+        v = peak.phi[at]
+        for law in laws_of(part, u, v):
+            score, information, cross = part.score_of(law, u, v)
+            row = np.zeros(peak.phi.size)
+            row[np.r_[0:target.n_u, at]] = cross / law.unit
+            found.setdefault(law.name, []).append((score / law.unit, information / law.unit**2, row))
+    out = {}
+    for name, rows in found.items():
+        cross = np.sum([row for _, _, row in rows], axis=0)
+        projected = np.linalg.solve(peak.fisher, cross)
+        left = sum(information for _, information, _ in rows) - float(cross @ projected)
+        score = sum(value for value, _, _ in rows) - float(gradient @ projected)
+        if left > 0.0:
+            out[name] = {"estimate": score / left, "std": left**-0.5, "statistic": score**2 / left,
+                         "p": float(chi2.sf(score**2 / left, 1))}
+    return out
+
+
+def lawful(study: Study, name: str, estimate: float) -> bool:
+    """Whether a law takes no more linear damping from the model than it states."""
+    kind, dof = taken_apart(name)
+    at = study.model.dofs.index(dof)
+    assert study.model.D is not None
+    return kind != DAMPING or estimate > -float(study.model.D[at, at])
+
+
+def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
+             draws: FloatArray) -> dict[str, float]:
+    """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
+    found = [law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
+             for k, law in enumerate(part.laws) if law.name == name]
+    weights = np.array([1.0 / max(float(column.var()), 1e-300) for column in found])
+    means = np.array([column.mean() for column in found])
+    return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
+
+
+def damping_of(laws: Sequence[str], tests: Mapping[str, Mapping[str, float]],
+               parts: Sequence[MotionLikelihood]) -> dict[str, tuple[float, float, float]]:
+    """Return the linear damping of each degree of freedom that has some: mean, deviation, the prior's deviation."""
+    found = {}
+    for name, (kind, dof) in zip(laws, map(taken_apart, laws)):
+        if kind == DAMPING:
+            size = max(law.unit for part in parts for law in part.laws if law.name == name)
+            found[dof] = tests[name]["estimate"], tests[name]["std"], size
+    return found
+
+
+def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:
+    """Yield a warning for each law that the records ask for, with what was done about it."""
+    for name in laws:
+        kind, dof = taken_apart(name)
+        what = ("waves do not carry away all damping" if kind == DAMPING else "the body does not look linear")
+        yield (f"{what}: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
+               f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
+               "run diagnose")
