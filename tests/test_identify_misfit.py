@@ -5,6 +5,7 @@ import pytest
 from identify_tank import BAND, drawn_truth, jonswap, sail, tank, with_waves
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss import Record, identify
@@ -223,3 +224,32 @@ def test_a_damper_that_the_model_lacks_is_no_radiation(kind, damper):
     (plant,) = found.plants(1)
     known = found.form.rigid(found.u, model.M + model.A_inf, model.C)[0][0, 0, 0]
     assert -plant.A[-1, -1] * known == pytest.approx(float(model.D[0, 0]) + row["mean"], rel=1e-6)
+
+
+def test_a_damper_between_two_bodies_is_found():
+    """A power take-off between bodies that a spring couples; by SciPy's integrator."""
+    one, rng, spring, damper = tank(), np.random.default_rng(3), 60.0, 20.0
+    dofs, m = ("a__Heave", "b__Heave"), one.fit.states
+    a, b, c = (block_diag(part, part) for part in (one.fit.a, one.fit.b, one.fit.c))
+    joint = spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    model = rss.Model(dofs, np.diag([1.0, 1.5]) * one.M, np.eye(2) * one.A_inf, np.eye(2) * one.C + joint,
+                      rss.RadiationFit(dofs, a, b, c, m))
+    inertia, D = np.linalg.inv(model.M + model.A_inf), damper / spring * joint
+    time = np.arange(0.0, 30.0, 0.04)
+    phases, omega = rng.uniform(0.0, 6.28, (30, 2)), rng.uniform(4.0, 10.0, (30, 2))
+    force = CubicSpline(time, 0.5 * np.cos(time[:, None, None] * omega + phases).sum(axis=1))
+
+    def rate(t, s):
+        x, v = s[2 * m:2 * m + 2], s[2 * m + 2:]
+        return [*(a @ s[:2 * m] + b @ v), *v, *(inertia @ (force(t) - c @ s[:2 * m] - D @ v - model.C @ x))]
+
+    moved = solve_ivp(rate, time[[0, -1]], np.zeros(2 * m + 4), t_eval=time, rtol=1e-8, atol=1e-11, max_step=0.04).y
+    read = moved[2 * m:2 * m + 2]
+    read = read + 5e-3 * read.std(axis=1)[:, None] * rng.standard_normal(read.shape)
+    record = Record(time, dict(zip(dofs, read)) | {f"{dof}_force": row for dof, row in zip(dofs, force(time).T)},
+                    kind="forced")
+    found = identify(model, record, "prediction-error", omega=BAND, draws=50)
+    rows = {name: row for name, row in found.parameters.items() if name.startswith("damping [")}
+    (row,) = rows.values()
+    between = (10.0 * 0.04) ** 2 / 12.0 * damper  # the law's force is a straight line from sample to sample
+    assert "damping [a__Heave,b__Heave]" in rows and abs(row["mean"] - damper) < 3.0 * row["std"] + between

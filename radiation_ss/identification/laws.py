@@ -7,6 +7,7 @@ tests ask instead for the one shape that the departure would have, with all othe
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,9 +19,10 @@ from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood
 from radiation_ss.identification.study import Study
 from radiation_ss.inference.laplace import Peak, Target
 
-DAMPING = "linear damping"
-UNITS = {DAMPING: ("N s/m", "N m s/rad"), "quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"),
-         "cubic stiffness": ("N/m^3", "N m/rad^3"), "dry friction": ("N", "N m")}
+DAMPING, RELATIVE = "linear damping", "relative damping"  # of a motion, and between the same motion of two bodies
+UNITS = {DAMPING: ("N s/m", "N m s/rad"), RELATIVE: ("N s/m", "N m s/rad"),
+         "quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
+         "dry friction": ("N", "N m")}
 
 
 def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1) -> list[Law]:
@@ -28,7 +30,7 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
 
     That of damping makes a damping ratio of a half. Friction is rounded below the share `onset` of the velocity's rms.
     """
-    channels, out = part.channels, list[Law]()
+    channels, out, velocities = part.channels, list[Law](), dict[str, FloatArray]()
     if not np.isfinite(channels.y).all():
         return out
     filtered = part.filtered(u, v)
@@ -43,16 +45,33 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
             velocity = filtered[:, order[1]]
         else:
             continue
-        shapes[DAMPING] = velocity
+        velocities[dof] = velocity
         shapes["quadratic drag"] = velocity * np.abs(velocity)
         shapes["dry friction"] = velocity / np.hypot(velocity, onset * velocity.std())
         for kind, shape in shapes.items():
-            half = float((part.model.M + part.model.A_inf)[j, j]) * channels.frequency
-            coefficient = half if kind == DAMPING else float(part.force_scale[j]) / float(np.abs(shape).max())
+            coefficient = float(part.force_scale[j]) / float(np.abs(shape).max())
             force = np.zeros_like(part.force)
             force[:, j] = -coefficient * shape
             out.append(Law(f"{kind} [{dof}]", force, coefficient))
+    moving = np.array([velocities.get(dof, np.zeros(channels.time.size)) for dof in part.model.dofs]).T
+    half = np.diag(part.model.M + part.model.A_inf) * channels.frequency
+    for name in dampers(list(velocities)):
+        along = direction(part.model.dofs, taken_apart(name)[1])
+        coefficient = float(half[along != 0.0].min())
+        out.append(Law(name, -coefficient * np.outer(moving @ along, along), coefficient))
     return out
+
+
+def dampers(dofs: Sequence[str]) -> list[str]:
+    """Return the names of what may damp some motions linearly, and the same motions of two bodies."""
+    pairs = [pair for pair in combinations(dofs, 2) if mode(pair[0]) == mode(pair[1])]
+    return [*(f"{DAMPING} [{dof}]" for dof in dofs), *(f"{RELATIVE} [{a},{b}]" for a, b in pairs)]
+
+
+def direction(dofs: Sequence[str], where: str) -> FloatArray:
+    """Return g (n,) of a damper whose force is -c g (g . v), at a degree of freedom or between two."""
+    one, _, other = where.partition(",")
+    return np.array([(dof == one) - float(dof == other) for dof in dofs])
 
 
 def taken_apart(name: str) -> tuple[str, str]:
@@ -91,10 +110,11 @@ def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) ->
 
 def lawful(study: Study, name: str, estimate: float) -> bool:
     """Whether a law takes no more linear damping from the model than it states."""
-    kind, dof = taken_apart(name)
-    at = study.model.dofs.index(dof)
+    kind, where = taken_apart(name)
+    along = direction(study.model.dofs, where)
     assert study.model.D is not None
-    return kind != DAMPING or estimate > -float(study.model.D[at, at])
+    stated = float(along @ study.model.D @ along) / float(along @ along) ** 2
+    return kind not in (DAMPING, RELATIVE) or estimate > -stated
 
 
 def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
@@ -102,17 +122,18 @@ def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slic
     """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
     found = [law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
              for k, law in enumerate(part.laws) if law.name == name]
-    weights = np.array([1.0 / max(float(column.var()), 1e-300) for column in found])
+    units = [law.unit for part in parts for law in part.laws if law.name == name]
+    weights = np.array([1.0 / max(float(column.var()), 1e-18 * unit**2) for column, unit in zip(found, units)])
     means = np.array([column.mean() for column in found])
     return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
 
 
 def damping_of(laws: Sequence[str], tests: Mapping[str, Mapping[str, float]],
                parts: Sequence[MotionLikelihood]) -> dict[str, tuple[float, float, float]]:
-    """Return the linear damping of each degree of freedom that has some: mean, deviation, the prior's deviation."""
+    """Return the linear damping, by where it is: mean, deviation, the prior's deviation."""
     found = {}
     for name, (kind, dof) in zip(laws, map(taken_apart, laws)):
-        if kind == DAMPING:
+        if kind in (DAMPING, RELATIVE):
             size = max(law.unit for part in parts for law in part.laws if law.name == name)
             found[dof] = tests[name]["estimate"], tests[name]["std"], size
     return found
@@ -122,7 +143,8 @@ def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: 
     """Yield a warning for each law that the records ask for, with what was done about it."""
     for name in laws:
         kind, dof = taken_apart(name)
-        what = ("waves do not carry away all damping" if kind == DAMPING else "the body does not look linear")
+        linear = kind in (DAMPING, RELATIVE)
+        what = "waves do not carry away all damping" if linear else "the body does not look linear"
         yield (f"{what}: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
                f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
                "run diagnose")

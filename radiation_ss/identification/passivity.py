@@ -61,7 +61,7 @@ def nearest_passive(form: Parametrisation, theta: FloatArray, draws: FloatArray,
     omega = frequencies(form)
     K, change = form.K(draws, omega), form.K(moved, omega) - form.K(theta, omega)
     floor = 1e-3 * np.abs(K).max(axis=(0, 1))       # next to nothing beside the entry's largest
-    away = float((np.abs(change) / np.maximum(K.std(axis=0), floor)).max())
+    away = float((np.abs(change) / np.maximum(np.maximum(K.std(axis=0), floor), 1e-300)).max())  # an entry may be 0
     if away < matters:
         return moved, ""
     share = np.linalg.norm(change) / np.linalg.norm(form.K(theta, omega))

@@ -13,7 +13,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.laws import (
-    DAMPING,
+    dampers,
     damping_of,
     law_warnings,
     lawful,
@@ -63,7 +63,7 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
     A damper that the model lacks is no radiation: without it the climb ends where mass, stiffness and gain all shrink
     alike, or nowhere. It is there where numbers of the model are moved farther than is believed and it fits better.
     """
-    target, laws, damped = study.target(parts), [f"{DAMPING} [{dof}]" for dof in study.model.dofs], parts
+    target, laws, damped = study.target(parts), dampers(study.model.dofs), parts
     plain, u, start = climbed(target, np.zeros(target.size)), np.zeros(study.n_u), np.zeros(target.size)
     without = parts, start if plain is None else plain.phi, list[str]()
     if plain and np.abs(plain.phi[study.form.active.size:study.n_u]).max(initial=0.0) < study.rules.doubt:

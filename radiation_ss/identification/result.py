@@ -12,6 +12,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.filter.estimate import Band, by_parts, plants_of
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.identification.laws import direction, taken_apart
 from radiation_ss.identification.passivity import nearest_passive
 from radiation_ss.identification.study import Findings, ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
@@ -45,7 +46,7 @@ class Identification(Shown):
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
         resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`,
         `force [dof]`: relative changes of the model's nominal numbers. `damping [dof]`: linear damping [SI] beside the
-        model's and the waves', where the records ask for it.
+        model's and the waves', where the records ask for it; `damping [dof,dof]` between two bodies.
     sea : dict
         Record -> Hs [m], Tp [s], gamma, each with mean, lower, upper; and tests of the sea model. Empty without one.
     information : dict
@@ -118,11 +119,13 @@ class Identification(Shown):
         def build(u: FloatArray) -> Model:
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
             fit = self.form.realise(nearest_passive(self.form, self.form.theta(u), self.draws)[0])
-            return self.model.replace(M=inertia - self.A_inf, C=stiffness, D=self.model.D + np.diag(beside), fit=fit,
-                                      hydro=None)
+            return self.model.replace(M=inertia - self.A_inf, C=stiffness, D=D, fit=fit, hydro=None)
 
-        rows = [self.parameters.get(f"damping [{dof}]", {}) for dof in self.dofs]
-        beside = [row.get("mean", 0.0) for row in rows]
+        D = self.model.D
+        for name, row in self.parameters.items():
+            if name.startswith("damping ["):
+                along = direction(self.dofs, taken_apart(name)[1])
+                D = D + row["mean"] * np.outer(along, along)
 
         return plants_of(self.u.T, n, build, "the draws of the posterior")
 
