@@ -37,7 +37,8 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
 
     It is (M + A_inf) x'' + D x' + radiation + C x, less what effects and waves exert: the equation of motion's force,
     of the sign of an exciting force. A body that moves as the record begins is taken to have moved before as in its
-    first period, harmonically; one at rest has been at rest.
+    first period, harmonically; one at rest has been at rest. Within half a period of the highest frequency kept of both
+    ends the acceleration, and so the force, is off by tenths.
 
     Parameters
     ----------
