@@ -183,7 +183,7 @@ def test_score_of_a_force_is_the_likelihood_s_slope():
     part = MotionLikelihood(body, form, channels, force)
     u, v = 0.2 * rng.standard_normal(6), np.zeros(part.size)
     law = Law("any", 1e-3 * rng.standard_normal(force.shape), 1.0)
-    score, information, cross = part.score_of(law, u, v)
+    ((score, information, cross),) = part.scores_of([law], u, v)
 
     def value(step):
         moved, at = part.with_law(law, v, step)

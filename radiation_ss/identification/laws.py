@@ -91,8 +91,8 @@ def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) ->
         if not isinstance(part, MotionLikelihood) or not any(part is own for own in parts):
             continue
         v = peak.phi[at]
-        for law in laws_of(part, u, v):
-            score, information, cross = part.score_of(law, u, v)
+        laws = laws_of(part, u, v)
+        for law, (score, information, cross) in zip(laws, part.scores_of(laws, u, v)):
             row = np.zeros(peak.phi.size)
             row[np.r_[0:target.n_u, at]] = cross / law.unit
             found.setdefault(law.name, []).append((score / law.unit, information / law.unit**2, row))

@@ -1,5 +1,6 @@
 """Likelihood of the motion when the force is known (or zero, in a decay test), by prediction errors."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -182,13 +183,15 @@ class MotionLikelihood:
         """Return the likelihood with one more law, and its nuisance parameters."""
         return replace(self, laws=(*self.laws, law)), np.insert(v, self.first_law + len(self.laws), strength)
 
-    def score_of(self, law: Law, u: FloatArray, v: FloatArray) -> tuple[float, float, FloatArray]:
-        """Return score and information of a law's strength, and their cross information with [u, v]."""
+    def scores_of(self, laws: Iterable[Law], u: FloatArray,
+                  v: FloatArray) -> Iterator[tuple[float, float, FloatArray]]:
+        """Yield score and information of each law's strength, and their cross information with [u, v]."""
         e, s = self.run(u, v)
         J, _ = self._sensitivities(u, v, e, s)
-        more, moved = self.with_law(law, v, 1.0)        # innovations are linear in a force
-        by_force = ((more.run(u, moved)[0] - e) / np.sqrt(s)).ravel()
-        return float(-by_force @ (e / np.sqrt(s)).ravel()), float(by_force @ by_force), J @ by_force
+        for law in laws:
+            more, moved = self.with_law(law, v, 1.0)        # innovations are linear in a force
+            by_force = ((more.run(u, moved)[0] - e) / np.sqrt(s)).ravel()
+            yield float(-by_force @ (e / np.sqrt(s)).ravel()), float(by_force @ by_force), J @ by_force
 
 
 def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, force: FloatArray,

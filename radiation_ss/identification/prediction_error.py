@@ -118,7 +118,7 @@ def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, ph
         if law is None:
             moved.append((part, v))
         elif have is None:
-            score, information, _ = part.score_of(law, u, v)
+            ((score, information, _),) = part.scores_of([law], u, v)
             moved.append(part.with_law(law, v, score / (information + 1.0)))
         else:
             unit = part.laws[have].unit
@@ -159,8 +159,9 @@ def by_prediction_error(study: Study) -> Findings:
         errors[name] = {key: float(np.sqrt(np.mean(part.run(body, v)[0] ** 2)))
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
+    told = [law for law in laws if tests[law]["p"] < study.rules.nonlinear]
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
-                    (*warnings, *law_warnings(tests, laws, TAKEN_OUT)), passive=share,
+                    (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
                     centre=cautious(study, bodies, bands), damping=damping_of(laws, tests, parts), bands=tuple(bands))
 
 
