@@ -20,8 +20,8 @@ class SearchRules:
     rare : float
         The same of an effect that is met less often (`Effect.rare`).
     strong : float
-        Share of the forces that are stronger: their strengths' prior is a mixture of normal ones, each part rarer than
-        the one before by this factor. So it falls by a power law.
+        How rare strong forces are: their strengths' prior is a mixture of normal ones, each part rarer than the one
+        before by this factor. So it falls by a power law.
     stronger : float
         What multiplies the standard deviations from one part to the next.
     parts : int
@@ -83,6 +83,6 @@ def forceful(term: Term) -> bool:
 
 
 def log_width(term: Term, width: float, rules: SearchRules) -> float:
-    """Return the log prior probability of a part of the mixture that a force's strengths come from."""
+    """Return the log of how much rarer the part of the mixture is that a force's strengths come from."""
     part = np.log(width) / np.log(rules.stronger)
-    return float(np.log(1.0 - rules.strong) + part * np.log(rules.strong)) if forceful(term) else 0.0
+    return float(part * np.log(rules.strong)) if forceful(term) else 0.0
