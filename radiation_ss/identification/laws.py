@@ -3,7 +3,7 @@
 A fit of radiation puts most of a quadratic drag, of a damper, or of a stiffness that changes with displacement, down to
 other parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier)
 tests ask instead for the one shape that the departure would have, with all other parameters free: -c v, -c v|v|,
--c v/|v| and -c x^3, with x and v as the model's own filter has them.
+-c v/|v| and -c x^3, with x and v as the model's own filter has them, and of the same motion of two bodies -c (v1 - v2).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,8 @@ from radiation_ss.identification.study import Study
 from radiation_ss.inference.laplace import Peak, Target
 
 DAMPING, RELATIVE = "linear damping", "relative damping"  # of a motion, and between the same motion of two bodies
-UNITS = {DAMPING: ("N s/m", "N m s/rad"), RELATIVE: ("N s/m", "N m s/rad"),
+LINEAR = (DAMPING, RELATIVE)
+UNITS = {**dict.fromkeys(LINEAR, ("N s/m", "N m s/rad")),
          "quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
          "dry friction": ("N", "N m")}
 
@@ -114,17 +115,16 @@ def lawful(study: Study, name: str, estimate: float) -> bool:
     along = direction(study.model.dofs, where)
     assert study.model.D is not None
     stated = float(along @ study.model.D @ along) / float(along @ along) ** 2
-    return kind not in (DAMPING, RELATIVE) or estimate > -stated
+    return kind not in LINEAR or estimate > -stated
 
 
 def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
              draws: FloatArray) -> dict[str, float]:
     """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
-    found = [law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
+    found = [(law.unit, law.unit * draws[:, at][:, part.first_law + k]) for part, at in zip(parts, places)
              for k, law in enumerate(part.laws) if law.name == name]
-    units = [law.unit for part in parts for law in part.laws if law.name == name]
-    weights = np.array([1.0 / max(float(column.var()), 1e-18 * unit**2) for column, unit in zip(found, units)])
-    means = np.array([column.mean() for column in found])
+    weights = np.array([1.0 / max(float(column.var()), 1e-18 * unit**2) for unit, column in found])
+    means = np.array([column.mean() for _, column in found])
     return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
 
 
@@ -133,7 +133,7 @@ def damping_of(laws: Sequence[str], tests: Mapping[str, Mapping[str, float]],
     """Return the linear damping, by where it is: mean, deviation, the prior's deviation."""
     found = {}
     for name, (kind, dof) in zip(laws, map(taken_apart, laws)):
-        if kind in (DAMPING, RELATIVE):
+        if kind in LINEAR:
             size = max(law.unit for part in parts for law in part.laws if law.name == name)
             found[dof] = tests[name]["estimate"], tests[name]["std"], size
     return found
@@ -143,8 +143,7 @@ def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: 
     """Yield a warning for each law that the records ask for, with what was done about it."""
     for name in laws:
         kind, dof = taken_apart(name)
-        linear = kind in (DAMPING, RELATIVE)
-        what = "waves do not carry away all damping" if linear else "the body does not look linear"
+        what = "waves do not carry away all damping" if kind in LINEAR else "the body does not look linear"
         yield (f"{what}: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
                f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
                "run diagnose")
