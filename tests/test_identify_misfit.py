@@ -223,7 +223,29 @@ def test_a_damper_that_the_model_lacks_is_no_radiation(kind, damper):
     assert "waves do not carry away" in told and not any("not look linear" in text for text in found.warnings)
     (plant,) = found.plants(1)
     known = found.form.rigid(found.u, model.M + model.A_inf, model.C)[0][0, 0, 0]
-    assert -plant.A[-1, -1] * known == pytest.approx(float(model.D[0, 0]) + row["mean"], rel=1e-6)
+    drawn = found.damping["damping [Heave]"]
+    assert -plant.A[-1, -1] * known == pytest.approx(float(model.D[0, 0]) + drawn[0], rel=1e-6)
+    at_resonance = found.form.K(found.draws, [np.sqrt(C / inertia)])[:, 0, 0, 0].real
+    assert np.std(drawn + at_resonance) < np.hypot(drawn.std(), at_resonance.std())  # what one takes the other leaves
+
+
+@pytest.mark.parametrize("damper", [0.0, 4.0])  # the waves' own is 26 at most, X's tolerance a tenth of it
+def test_a_small_damper_in_waves_is_in_the_bands(damper):
+    """The truth by Fourier series: X follows B, so the damper may be taken for radiation, and is weighed against it."""
+    model, rng, count, dt = with_waves(tank()), np.random.default_rng(5), 6000, 0.05
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, dt)[1:]
+    K, table = model.fit.frequency_response(omega)[:, 0, 0], model.hydro
+    X = np.interp(omega, table.omega, table.X[:, 0, 0].real) + 1j * np.interp(omega, table.omega, table.X[:, 0, 0].imag)
+    waves = np.exp(-0.5 * ((omega - 6.0) / 1.5) ** 2) * (rng.standard_normal((2, omega.size)).T @ [1.0, 1j])
+    inertia = (model.M + model.A_inf)[0, 0]
+    heave = X * waves / (model.C[0, 0] - omega**2 * inertia + 1j * omega * (K + model.D[0, 0] + damper))
+    eta, heave = (np.fft.irfft(np.r_[0.0, some], count)[:5000] for some in (waves, heave))
+    record = Record(dt * np.arange(5000), {
+        "Heave": heave + 2e-3 * heave.std() * rng.standard_normal(5000), "wave_elevation": eta}, kind="waves")
+    found = identify(model, record, "prediction-error", omega=BAND, draws=400)
+    B = model.fit.frequency_response(BAND).real
+    assert np.mean((found.B.lower < B) & (B < found.B.upper)) == 1.0
+    assert not any("linear damping" in text for text in found.warnings)
 
 
 def test_a_damper_between_two_bodies_is_found():

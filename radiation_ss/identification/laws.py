@@ -6,7 +6,7 @@ tests ask instead for the one shape that the departure would have, with all othe
 -c v/|v| and -c x^3, with x and v as the model's own filter has them, and of the same motion of two bodies -c (v1 - v2).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -26,10 +26,11 @@ UNITS = {**dict.fromkeys(LINEAR, ("N s/m", "N m s/rad")),
          "dry friction": ("N", "N m")}
 
 
-def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1) -> list[Law]:
+def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1,
+            ratio: float = 0.1) -> list[Law]:
     """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
 
-    That of damping makes a damping ratio of a half. Friction is rounded below the share `onset` of the velocity's rms.
+    That of damping makes the damping ratio `ratio`. Friction is rounded below the share `onset` of the velocity's rms.
     """
     channels, out, velocities = part.channels, list[Law](), dict[str, FloatArray]()
     if not np.isfinite(channels.y).all():
@@ -55,10 +56,10 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
             force[:, j] = -coefficient * shape
             out.append(Law(f"{kind} [{dof}]", force, coefficient))
     moving = np.array([velocities.get(dof, np.zeros(channels.time.size)) for dof in part.model.dofs]).T
-    half = np.diag(part.model.M + part.model.A_inf) * channels.frequency
+    critical = 2.0 * np.diag(part.model.M + part.model.A_inf) * channels.frequency
     for name in dampers(list(velocities)):
         along = direction(part.model.dofs, taken_apart(name)[1])
-        coefficient = float(half[along != 0.0].min())
+        coefficient = ratio * float(critical[along != 0.0].min())
         out.append(Law(name, -coefficient * np.outer(moving @ along, along), coefficient))
     return out
 
@@ -118,25 +119,28 @@ def lawful(study: Study, name: str, estimate: float) -> bool:
     return kind not in LINEAR or estimate > -stated
 
 
-def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice],
-             draws: FloatArray) -> dict[str, float]:
-    """Return mean and deviation of a law's coefficient [SI] by all records that have it, from draws (nd, d)."""
-    found = [(law.unit, law.unit * draws[:, at][:, part.first_law + k]) for part, at in zip(parts, places)
-             for k, law in enumerate(part.laws) if law.name == name]
-    weights = np.array([1.0 / max(float(column.var()), 1e-18 * unit**2) for unit, column in found])
-    means = np.array([column.mean() for _, column in found])
-    return {"estimate": float(weights @ means / weights.sum()), "std": float(weights.sum() ** -0.5)}
+def lawful_draws(study: Study, parts: Sequence[MotionLikelihood], places: Sequence[slice], draws: FloatArray,
+                 slack: float = 1e-6) -> FloatArray:
+    """Return as many draws (nd, d), of them only those that are lawful, but for a share `slack` of a law's unit."""
+    inside = np.ones(draws.shape[0], dtype=bool)
+    for part, at in zip(parts, places):
+        for law, values in zip(part.laws, draws[:, at][:, part.first_law:].T):
+            inside &= [lawful(study, law.name, law.unit * (value + slack)) for value in values]
+    kept = draws[inside] if inside.any() else draws
+    return kept[np.arange(draws.shape[0]) % kept.shape[0]]
 
 
-def damping_of(laws: Sequence[str], tests: Mapping[str, Mapping[str, float]],
-               parts: Sequence[MotionLikelihood]) -> dict[str, tuple[float, float, float]]:
-    """Return the linear damping, by where it is: mean, deviation, the prior's deviation."""
-    found = {}
-    for name, (kind, dof) in zip(laws, map(taken_apart, laws)):
-        if kind in LINEAR:
-            size = max(law.unit for part in parts for law in part.laws if law.name == name)
-            found[dof] = tests[name]["estimate"], tests[name]["std"], size
-    return found
+def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice], draws: FloatArray) -> FloatArray:
+    """Return a law's coefficient [SI] by all records that have it, the surest counting most, for each draw (nd, d)."""
+    found = np.array([law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
+                      for k, law in enumerate(part.laws) if law.name == name])
+    weights = 1.0 / np.maximum(found.var(axis=1), 1e-18 * size_of(name, parts) ** 2)
+    return np.asarray(weights @ found / weights.sum())
+
+
+def size_of(name: str, parts: Sequence[MotionLikelihood]) -> float:
+    """Return the prior's standard deviation of a law's coefficient [SI], the largest of all records."""
+    return max(law.unit for part in parts for law in part.laws if law.name == name)
 
 
 def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:

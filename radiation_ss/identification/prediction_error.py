@@ -13,13 +13,16 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.laws import (
+    LINEAR,
     dampers,
-    damping_of,
     law_warnings,
     lawful,
+    lawful_draws,
     laws_of,
     score_laws,
+    size_of,
     strength,
+    taken_apart,
 )
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious
@@ -63,29 +66,66 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
     A damper that the model lacks is no radiation: without it the climb ends where mass, stiffness and gain all shrink
     alike, or nowhere. It is there where numbers of the model are moved farther than is believed and it fits better.
     """
-    target, laws, damped = study.target(parts), dampers(study.model.dofs), parts
-    plain, u, start = climbed(target, np.zeros(target.size)), np.zeros(study.n_u), np.zeros(target.size)
+    target = study.target(parts)
+    plain, start = climbed(target, np.zeros(target.size)), np.zeros(target.size)
     without = parts, start if plain is None else plain.phi, list[str]()
     if plain and np.abs(plain.phi[study.form.active.size:study.n_u]).max(initial=0.0) < study.rules.doubt:
         return without
+    damped, reached, asked = with_dampers(study, parts, start)
+    if reached is None or (plain and plain.evidence > reached.evidence):
+        return without
+    return (damped, reached.phi, asked) if lacking(study, damped, reached, asked) else without
+
+
+def lacking(study: Study, parts: list[MotionLikelihood], peak: Peak, names: Sequence[str]) -> bool:
+    """Whether the model lacks these laws: at the mode none takes damping from it."""
+    places = study.target(parts).places[-len(parts):]
+    return all(lawful(study, name, strength(name, parts, places, peak.phi[None])[0]) for name in names)
+
+
+def weighed_dampers(study: Study, parts: list[MotionLikelihood],
+                    peak: Peak) -> tuple[list[MotionLikelihood], list[Peak], list[str]]:
+    """Return the parts with linear damping, the modes with and without it, and its names.
+
+    X follows B by Haskind's relation: a damper smaller than X's tolerance goes into B and leaves no sign. So both are
+    weighed by their evidence, as likely as each other before the records.
+    """
+    damped, reached, names = with_dampers(study, parts, peak.phi)
+    if reached is None or not lacking(study, damped, reached, names):
+        return parts, [peak], []
+    places = study.target(damped).places[-len(damped):]
+    columns = [at.start + part.first_law + k for part, at in zip(damped, places) for k, law in enumerate(part.laws)
+               if law.name in names]
+    return damped, [reached, without(peak, columns)], names
+
+
+def without(peak: Peak, columns: Sequence[int], narrow: float = 1e-9) -> Peak:
+    """Return a mode with more parameters, in these columns, that are zero: priors of the deviation `narrow`."""
+    size = peak.phi.size + len(columns)
+    there, phi, fisher = np.setdiff1d(np.arange(size), columns), np.zeros(size), np.eye(size) / narrow**2
+    phi[there], fisher[np.ix_(there, there)] = peak.phi, peak.fisher
+    return Peak(phi, fisher, peak.value - len(columns) * float(np.log(narrow)))
+
+
+def with_dampers(study: Study, parts: list[MotionLikelihood],
+                 start: FloatArray) -> tuple[list[MotionLikelihood], Peak | None, list[str]]:
+    """Return the parts with linear damping wherever they have none, its mode above a start if reached, its names."""
+    damped, target, u = parts, study.target(parts), start[:study.n_u]
+    have = {law.name for part in parts for law in part.laws}
+    names = [name for name in dampers(study.model.dofs) if name not in have]
     for _ in range(2):  # the body moves once the dampers are nearly as strong as they are, along the motion as it was
-        for name in laws:
+        for name in names:
             damped, start = followed(study, damped, target, start, name)
             target = study.target(damped)
         nuisances = [held(part, u, start[at]) for part, at in zip(damped, target.places[-len(damped):])]
         start = np.concatenate([u, *nuisances])
-    asked = [name for name in laws if any(law.name == name for part in damped for law in part.laws)]
-    reached = climbed(target, start) if asked else None
-    for name in asked:
+    names = [name for name in names if any(law.name == name for part in damped for law in part.laws)]
+    reached = climbed(target, start) if names else None
+    for name in names:
         if reached is not None:
             damped, start = followed(study, damped, target, reached.phi, name)
             reached = climbed(study.target(damped), start)
-    if reached is None or (plain and plain.evidence > reached.evidence):
-        return without
-    row = reached.phi[None]
-    found = {name: strength(name, damped, target.places[-len(damped):], row)["estimate"] for name in asked}
-    lacking = all(lawful(study, name, estimate) for name, estimate in found.items())
-    return (damped, reached.phi, asked) if lacking else without
+    return damped, reached, names
 
 
 def held(part: MotionLikelihood, u: FloatArray, v: FloatArray, steps: int = 50) -> FloatArray:
@@ -145,24 +185,41 @@ def by_prediction_error(study: Study) -> Findings:
         for part in new:  # the lowest and highest frequency at which any motion has a thousandth of its largest density
             strong = strong_bins(part.channels.power, 1e-3)
             bands.append((max(int(strong[0]), 1) * part.channels.spacing, int(strong[-1]) * part.channels.spacing))
-    parts, target, peak, tests, laws = attribute(study, parts)
-    draws, share = sample(target, [peak], study.rng, study.rules.draws, study.rules.least_passive)
-    for law in laws:
-        row = strength(law, parts, target.places[-len(parts):], draws)
-        sure = (row["estimate"] / row["std"]) ** 2
-        tests[law] = {"statistic": sure, "p": float(chi2.sf(sure, 1)), **tests.get(law, {}), **row}
+    parts, tests, found, draws, share = posterior(study, parts)
+    places = study.target(parts).places[-len(parts):]
     centre, errors = draws.mean(axis=0), {}
-    for part, at, floor in zip(parts, target.places[-len(parts):], floors):
+    for part, at, floor in zip(parts, places, floors):
         u, v = centre[:study.n_u], centre[at]
         warnings += misfit_warnings(part, u, v, floor, study.rules.misfit)
         name = part.channels.name + ("" if part.model.n == study.model.n else f": {', '.join(part.model.dofs)}")
         errors[name] = {key: float(np.sqrt(np.mean(part.run(body, v)[0] ** 2)))
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
-    told = [law for law in laws if tests[law]["p"] < study.rules.nonlinear]
+    told = [law for law in found if tests[law]["p"] < study.rules.nonlinear]
+    damping = {law: (values, size_of(law, parts)) for law, values in found.items() if taken_apart(law)[0] in LINEAR}
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
-                    centre=cautious(study, bodies, bands), damping=damping_of(laws, tests, parts), bands=tuple(bands))
+                    centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands))
+
+
+def posterior(study: Study, parts: list[MotionLikelihood],
+              ) -> tuple[list[MotionLikelihood], dict[str, dict[str, float]], dict[str, FloatArray], FloatArray, float]:
+    """Return parts with their laws, the laws' tests, draws of the laws' coefficients, draws, the passive share."""
+    parts, target, peak, tests, laws = attribute(study, parts)
+    peaks, weighed = [peak], list[str]()
+    if all(part.wave is not None for part in parts):
+        parts, peaks, weighed = weighed_dampers(study, parts, peak)
+        target = study.target(parts)
+    draws, share = sample(target, peaks, study.rng, study.rules.draws, study.rules.least_passive)
+    places = target.places[-len(parts):]
+    draws = lawful_draws(study, parts, places, draws)
+    found = {law: strength(law, parts, places, draws) for law in (*laws, *weighed)}
+    for law, values in found.items():
+        sure = float(values.mean() ** 2 / max(values.var(), 1e-300))
+        tested = {} if law in weighed else tests.get(law, {})
+        tests[law] = {"statistic": sure, "p": float(chi2.sf(sure, 1)), **tested,
+                      "estimate": float(values.mean()), "std": float(values.std())}
+    return parts, tests, found, draws, share
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:

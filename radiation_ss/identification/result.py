@@ -67,6 +67,8 @@ class Identification(Shown):
         How draws become bodies.
     u : ndarray, shape (S, d_u)
         The draws, standardised; with the model's nominal numbers.
+    damping : dict
+        Name as in `parameters` -> draws (S,) of linear damping [SI] beside the model's and the waves'.
 
     Examples
     --------
@@ -101,6 +103,7 @@ class Identification(Shown):
     model: Model
     form: Parametrisation
     u: FloatArray
+    damping: Mapping[str, FloatArray]
 
     def plants(self, n: int) -> "list[ct.StateSpace]":
         """Return n plants of the posterior as ct.StateSpace with the signals of `cummins`, for robust LQR or MPC.
@@ -116,18 +119,16 @@ class Identification(Shown):
         >>> [plant.input_labels for plant in found.plants(2)]
         [['heave_force'], ['heave_force']]
         """
-        def build(u: FloatArray) -> Model:
+        def build(member: FloatArray) -> Model:
+            u, D = member[:self.u.shape[1]], self.model.D
+            for name, damping in zip(self.damping, member[u.size:]):
+                along = direction(self.dofs, taken_apart(name)[1])
+                D = D + damping * np.outer(along, along)
             inertia, stiffness = self.form.rigid(u, self.model.M + self.A_inf, self.model.C)
             fit = self.form.realise(nearest_passive(self.form, self.form.theta(u), self.draws)[0])
             return self.model.replace(M=inertia - self.A_inf, C=stiffness, D=D, fit=fit, hydro=None)
 
-        D = self.model.D
-        for name, row in self.parameters.items():
-            if name.startswith("damping ["):
-                along = direction(self.dofs, taken_apart(name)[1])
-                D = D + row["mean"] * np.outer(along, along)
-
-        return plants_of(self.u.T, n, build, "the draws of the posterior")
+        return plants_of(np.vstack([self.u.T, *self.damping.values()]), n, build, "the draws of the posterior")
 
     def to_dict(self, force_files: Mapping[str, str] | None = None) -> dict[str, Any]:
         """Return the JSON form of the interface.
@@ -173,9 +174,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     centre, mended = nearest_passive(form.own, form.tied(estimate), theta)
     parameters = _parameters(study, theta, estimate)
     nominal = _nominal(study, findings.u)
-    damping = {f"damping [{dof}]": {"mean": mean, "std": std, "prior_mean": 0.0, "prior_std": size,
-                                    "moved": mean / size, "resolved": max(0.0, 1.0 - (std / size) ** 2)}
-               for dof, (mean, std, size) in findings.damping.items()}
+    damping = {f"damping [{taken_apart(law)[1]}]": _row(values, values.mean(), 0.0, size)
+               for law, (values, size) in findings.damping.items()}
     warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
     zero = form.K(theta, [0.0])[:, 0].real
     bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
@@ -193,7 +193,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
         method=method, dofs=form.dofs, omega=omega, **bands, A_inf=form.A_inf,
         fit=form.own.realise(centre, method=f"identified by {method}"), parameters=parameters | nominal | damping,
         sea=findings.sea, information={"omega": omega, "power": power, **shares}, force=findings.force,
-        baseline=baseline, warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u)
+        baseline=baseline, warnings=warnings, draws=theta, prior=prior, model=study.model, form=form, u=findings.u,
+        damping=dict(zip(damping, (values for values, _ in findings.damping.values()))))
 
 
 def widened(study: Study, bands: dict[str, Band], A_inf: FloatArray, omega: FloatArray,

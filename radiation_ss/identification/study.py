@@ -157,8 +157,8 @@ class Findings:
     passive: float | None = None
     centre: FloatArray | None = None  # (d_u,): The estimate, where it is not the mean of the draws
     bands: tuple[tuple[float, float], ...] = ()  # Lowest and highest frequency [rad/s] at which each record has power
-    # Of each degree of freedom with linear damping beside the model's and the waves': mean, deviation [SI], the prior's
-    damping: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    # Laws of linear damping beside the model's and the waves': draws (S,) and the prior's deviation [SI]
+    damping: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
 
     def with_power(self, omega: FloatArray) -> np.ndarray:
         """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
