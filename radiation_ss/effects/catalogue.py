@@ -84,6 +84,11 @@ def stopped(s: Any, p: Any) -> Any:
             - p.damping * (touching(beyond, p.width) + touching(before, p.width)) * s.v)
 
 
+def yields(s: Scales) -> tuple[float, ...]:
+    """Where friction may begin to slip: at a share of the largest motion, or it is never seen to."""
+    return tuple(share * s.farthest for share in (0.2, 0.07, 0.7))
+
+
 def limit_starts(s: Scales) -> tuple[float, ...]:
     """Where a force may be limited: from below its rms to near its peaks."""
     return tuple(reach * acting(s) for reach in (1.3, 0.7, 2.0))
@@ -236,8 +241,8 @@ def forces() -> list[Effect]:
                        "holds the share `rigid` of it as if it were fixed"),
         Effect("hysteresis",
                {"force": P("F", 1, lambda s: 0.12 * s.force),
-                "reach": P("X", 1, lambda s: s.x, lambda s: (0.5 * s.x, 0.2 * s.x, 2.0 * s.x),
-                           lower=lambda s: 0.01 * s.x, upper=lambda s: 10.0 * s.x), "sharpness": sharpness(1.0)},
+                "reach": P("X", 1, lambda s: 0.35 * s.farthest, yields, lower=lambda s: 0.003 * s.farthest,
+                           upper=lambda s: 3.0 * s.farthest), "sharpness": sharpness(1.0)},
                lambda s, p: -p.force * s.z[0], rates=bouc_wen,
                states=1, family="damping", halvings=2, unrest=lambda s: (0.5,), rate_free=True,
                summary="Bouc-Wen: friction that first gives elastically"),

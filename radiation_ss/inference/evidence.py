@@ -37,7 +37,7 @@ class Weighed:
     candidate: Candidate
     log_probability: float
     numbers: Mapping[Number, float]  # Nominal numbers and the effects' parameters
-    own: FloatArray  # Unknowns of each record
+    own: Sequence[Mapping[Key | str, FloatArray]]  # Unknowns of each record
     noise: FloatArray  # Factors of the errors' standard deviations
 
 
@@ -47,7 +47,7 @@ class Start:
 
     terms: tuple[Term, ...]
     numbers: Mapping[Number, float]
-    own: FloatArray
+    own: Sequence[Mapping[Key | str, FloatArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Weighing:
         candidate = replace(candidate, terms=trial.candidate.terms, point=point,
                             posterior=replace(candidate.posterior, sizes=sizes))
         return Weighed(candidate, float(evidence + prior), dict(zip(names(trial), point.tolist())),
-                       q[trial.free.size:], trial.noise)
+                       trial.of_records(q), trial.noise)
 
     def in_likelier_widths(self, trial: Trajectories, q: FloatArray,
                            now: Normal) -> tuple[Trajectories, FloatArray, Normal]:
@@ -196,7 +196,7 @@ class Weighing:
         if new.new is not None:
             values = {**new.new.active.values, **dict(zip(new.new.strengths, new.strengths.tolist()))}
             numbers |= {(new.new.key, n): v for n, v in values.items()}
-        return Start(new.terms, numbers, new.start[trial.free.size:])
+        return Start(new.terms, numbers, trial.of_records(new.start))
 
     def by_equation(self, terms: Sequence[Term], sizes: Sizes, learned: bool = True) -> Candidate:
         """Return a set solved by the equation error."""
@@ -298,9 +298,7 @@ def names(trial: Trajectories) -> list[Number]:
 def begun(trial: Trajectories, start: Start) -> FloatArray:
     """Return the unknowns where a fit begins."""
     q = trial.start(np.array([start.numbers.get(name, value) for name, value in zip(names(trial), trial.base)]))
-    if start.own.size == q.size - trial.free.size:
-        q[trial.free.size:] = start.own
-    return trial.inside(q)
+    return trial.inside(trial.with_records(q, start.own))
 
 
 def of_each_record(problem: EquationError, candidate: Candidate) -> float:

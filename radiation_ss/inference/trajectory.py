@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -30,7 +31,7 @@ from radiation_ss.inference.rows import Place
 from radiation_ss.inference.simulated import SimulatedRecords, begun
 from radiation_ss.simulation.prepared import Prepared
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
-from radiation_ss.simulation.start import start_of
+from radiation_ss.simulation.start import start_of, unrest_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,12 @@ class Normal:
     information: FloatArray
     slope: FloatArray
     parts: list[tuple[FloatArray, np.ndarray]]
+
+
+def blocks_of(starts: Mapping[Any, FloatArray], first: int, last: int) -> dict[Key | str, slice]:
+    """Return where the unknowns of parts of a start stand that begin at `first`, and the errors' after them."""
+    ends = first + np.cumsum([0, *(basis.shape[1] for basis in starts.values())])
+    return {part: slice(i, j) for part, i, j in zip(starts, ends, ends[1:])} | {"errors": slice(ends[-1], last)}
 
 
 def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
@@ -96,7 +103,10 @@ class Trajectories:
         self.prepared = [simulated.prepared(r, h) for r in self.records]
         self.coarse = [p if step == h else replace(p, grid=np.arange(p.grid[0], p.grid[-1] + 1.5 * step, step))
                        for p, step in zip(self.prepared, coarse)]
-        self.starts = [start_of(problem.model, p, self.rollout.ns) for p in self.prepared]
+        begins = [{"motion": start_of(problem.model, p, self.rollout.ns)}
+                  | (unrest_of(self.rollout, p) if simulated.under_way(r) else {})
+                  for r, p in zip(self.records, self.prepared)]
+        self.starts = [np.hstack(list(parts.values())) for parts in begins]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
         self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
@@ -108,6 +118,9 @@ class Trajectories:
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
         self.offsets = np.cumsum([self.free.size, *counts])
+        # Of each record where its start's parts and its errors stand
+        self.blocks = [blocks_of(parts, first, last)
+                       for parts, first, last in zip(begins, self.offsets[:-1], self.offsets[1:])]
         self.size = int(self.offsets[-1])
         # The unknowns whose prior is a tolerance
         self.tolerated = np.concatenate([self.free < len(own), *(np.arange(k) >= k - self.forces.size for k in counts)])
@@ -208,6 +221,19 @@ class Trajectories:
         p[self.free] = self.mean + self.sd * q[: self.free.size]
         return p
 
+    def of_records(self, q: FloatArray) -> list[dict[Key | str, FloatArray]]:
+        """Return the unknowns of each record by what they are of: of the motion's start, effects' starts, errors."""
+        return [{part: q[at] for part, at in blocks.items()} for blocks in self.blocks]
+
+    def with_records(self, q: FloatArray, own: Sequence[Mapping[Key | str, FloatArray]]) -> FloatArray:
+        """Return the unknowns with those of each record as in another set, where both have them."""
+        found = q.copy()
+        for blocks, known in zip(self.blocks, own):
+            for part in blocks.keys() & known.keys():
+                if known[part].size == q[blocks[part]].size:
+                    found[blocks[part]] = known[part]
+        return found
+
     def start(self, vector: FloatArray | None = None) -> FloatArray:
         """Return the unknowns of some numbers, by default the equation error's, starts at the measured motion."""
         p = self.base if vector is None else vector
@@ -230,6 +256,12 @@ class Trajectories:
         found = q.copy()
         count = self.free.size
         found[:count] = (np.clip(self.mean + self.sd * q[:count], self.lower, self.upper) - self.mean) / self.sd
+        return found
+
+    def held(self, q: FloatArray) -> Trajectories:
+        """Return the same simulation with nominal numbers and effects' parameters held as they are in q."""
+        found = copy(self)
+        found.lower = found.upper = self.parameters(q)[self.free]
         return found
 
     def near(self, q: FloatArray, known: Normal) -> Normal:

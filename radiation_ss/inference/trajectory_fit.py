@@ -192,7 +192,11 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
         trial = Trajectories(problem, candidate, tolerance).tolerating(0.0)
     except InputError:  # steps too short to be made, by the candidate's numbers
         return fallback
-    starts = [trial.start(candidate.point), *([] if candidate.point is None else [trial.start()])]
+    starts = [trial.start()]
+    if candidate.point is not None:  # the motion's starts that go with numbers found with others
+        begun = trial.start(candidate.point)
+        own = lowest(trial.held(begun), begun, rules)
+        starts += [] if own is None else [own[0]]
     reached = lowest(trial, min(starts, key=trial.cost), rules)
     if reached is None:
         return fallback

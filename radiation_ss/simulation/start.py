@@ -27,7 +27,7 @@ def start_of(model: Model, prepared: Prepared, states: int, directions: int = 3)
     """Return the Gaussian prior of a record's start: the state is basis @ q, q of unit variance, basis (states, k).
 
     Displacement and velocity are almost free, 10 times their typical size. The memory is what a motion of typical size
-    and frequency can have left behind. Effects' own states, the last ones, start at rest.
+    and frequency can have left behind. Effects' own states, the last ones, start at rest: see `unrest_of`.
     """
     n, m = model.n, model.fit.states
     sizes = {i: motion_size(model, prepared, i) for i in seen_in(model, prepared)}
@@ -78,7 +78,7 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     From rest, from rest in the first displacements that were read, or `near`, whichever is nearest: along a motion far
     from the true one the slopes of friction say nothing. It ends where a step gains less than the share `accuracy`.
     """
-    basis = np.hstack([start_of(rollout.model, prepared, rollout.ns), unrest_of(rollout, prepared)])
+    basis = np.hstack([start_of(rollout.model, prepared, rollout.ns), *unrest_of(rollout, prepared).values()])
     head = head_of(rollout, prepared)
     given = rollout, head, drive[:head.grid.size], p, basis
 
@@ -143,9 +143,9 @@ def head_of(rollout: Rollout, prepared: Prepared, periods: float = 1.5) -> Prepa
     return replace(prepared, grid=grid[:nodes], channels=channels)
 
 
-def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
-    """Return the directions in which effects' own states may be off rest at the start, shape (ns, k)."""
-    model, at, columns = rollout.model, rollout.ns - rollout.own, []
+def unrest_of(rollout: Rollout, prepared: Prepared) -> dict[tuple[str, str, str], FloatArray]:
+    """Return, by effect, the directions in which its own states may be off rest at the start, each (ns, states)."""
+    model, at, found = rollout.model, rollout.ns - rollout.own, dict[tuple[str, str, str], FloatArray]()
     for active in rollout.actives:
         if active.effect.unrest is not None:
             i = model.dofs.index(active.dof) if active.dof else 0
@@ -153,9 +153,10 @@ def unrest_of(rollout: Rollout, prepared: Prepared) -> FloatArray:
             force = max(model.C[i, i], (model.M + model.A_inf)[i, i] * w**2) * x
             length = float(prepared.grid[-1] - prepared.grid[0])
             sizes = active.effect.unrest(Scales(x, w * x, w**2 * x, 0.0, float(force), w, length))
-            columns += [size * np.eye(rollout.ns)[at + k] for k, size in enumerate(sizes)]
+            own = np.arange(at, at + len(sizes))
+            found[active.name, active.dof, active.other] = np.eye(rollout.ns)[:, own] * sizes
         at += active.effect.states
-    return np.array(columns).reshape(-1, rollout.ns).T
+    return found
 
 
 def step_size(model: Model, records: Sequence[Record], actives: Sequence[Active] = ()) -> float:
