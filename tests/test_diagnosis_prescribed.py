@@ -53,6 +53,23 @@ def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(t
     assert found.how_far.gap_after < 0.02 and 0.003 < found.how_far.noise_floor < 0.02
 
 
+@pytest.mark.parametrize("drag", [0.0, 60.0])
+def test_a_coarse_reading_of_the_motion_is_noise_of_the_force_it_needs(drag):
+    """Steps of a fiftieth of the largest motion: through the inertia they are most of what is left."""
+    dof, numbers, size, middle = HEAVE
+
+    def coarse(seed, share):
+        found = driven(dof, numbers, size * share, middle, lambda x, v: drag * v * np.abs(v), seed)
+        x = found.channels[dof] + 0.01 * size * np.random.default_rng(seed).standard_normal(TIME.size)
+        return found.with_channels(**{dof: np.round(x / (0.05 * size)) * 0.05 * size})
+
+    found = rss.diagnose(model_of(dof, *numbers), [coarse(1, 0.8), coarse(2, 1.0), coarse(3, 1.2)],
+                         withhold=[coarse(9, 0.9)])
+    assert [e.name for e in found.verdict.effects] == ["quadratic_drag"] * (drag > 0.0)
+    assert found.verdict.status == ("effect" if drag else "no_gap")
+    assert found.how_far.gap_after < 1.5 * found.how_far.noise_floor
+
+
 def test_of_a_body_moved_in_one_way_its_own_force_is_enough():
     rigid = rss.RadiationFit(("Sway", "Roll"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
     model = rss.Model(("Sway", "Roll"), [[40.0, 0.5], [0.5, 1.0]], np.diag([20.0, 0.3]), np.diag([0.0, 20.0]), rigid)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -192,3 +193,51 @@ def test_waves_in_which_a_motion_was_not_read_tell_nothing_of_it():
     waves = rss.Record(time, {"Heave": read, "Heave_force": 2.0 * line.real, "Surge_force": 0.0 * time,
                               "wave_elevation": 0.01 * line.real}, kind="waves", name="waves")
     assert rss.diagnose(model, [let_go, waves]).verdict.status == "no_gap"
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.25])
+def test_friction_that_gives_before_it_slips_is_told_of_records_that_begin_under_way(cut):
+    """Wen's law by SciPy; two of the records do not slip, and one begins while the friction holds a part."""
+    model, rng, m = tank_model(), np.random.default_rng(2), 3
+    inertia, C = float((model.M + model.A_inf)[0, 0]), float(model.C[0, 0])
+    force, reach = 0.3 * C * 0.01, 0.01
+
+    def rate(t, s):
+        x, v, z = s[m:]
+        pull = model.fit.c[0] @ s[:m] + model.D[0, 0] * v + C * x + force * z
+        turn = v / reach * (1.0 - (0.5 + 0.5 * np.sign(v * z)) * abs(z) ** 2)
+        return [*(model.fit.a @ s[:m] + model.fit.b[:, 0] * v), v, -pull / inertia, turn]
+
+    records = []
+    for k, size in enumerate((0.004, 0.008, 0.03)):
+        time, late = np.arange(0.0, 12.0, 0.03), cut * (k == 0)
+        path = solve_ivp(rate, (0.0, 14.0), [0.0] * m + [size, 0.0, 0.0], t_eval=time + late, rtol=1e-8, atol=1e-10)
+        x = path.y[m] + 2e-5 * rng.standard_normal(time.size)
+        records.append(rss.Record(time, {"Heave": x}, kind="decay", name=f"{k}"))
+    found = rss.diagnose(model, records, effects=["hysteresis", "linear_stiffness", "constant_force", "quadratic_drag"])
+    (effect,) = found.verdict.effects
+    assert effect.name == "hysteresis"
+    for name, value in (("force", force), ("reach", reach)):
+        mean, deviation = effect.parameters[name]
+        assert abs(mean - value) < 3.0 * deviation + 0.05 * value
+
+
+def test_a_gap_shorter_than_two_slow_periods_keeps_what_the_fast_motion_tells():
+    """Surge swings in 30 s and heave in 2 s; a record of 20 s has a gap in heave."""
+    fit = rss.RadiationFit(("Surge", "Heave"), -np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), 1)
+    model = rss.Model(("Surge", "Heave"), np.diag([100.0, 100.0]), np.zeros((2, 2)), np.diag([4.4, 987.0]), fit,
+                      D=np.diag([4.0, 40.0]))
+    rng = np.random.default_rng(0)
+
+    def decay(length, size, lost):
+        time = np.arange(0.0, length, 0.05)
+        x = [solve_ivp(lambda t, s, c, d, k: [s[1], -(c * s[0] + d * s[1] + k * s[1] * abs(s[1])) / 100.0],
+                       (0.0, length), [a, 0.0], t_eval=time, rtol=1e-8, args=of).y[0]
+             for a, *of in zip(size, (4.4, 987.0), (4.0, 40.0), (0.0, 150.0))]
+        x = [row + 1e-3 * max(size) * rng.standard_normal(time.size) for row in x]
+        x[1][(time > lost) & (time < lost + 1.5)] = np.nan
+        return rss.Record(time, {"Surge": x[0], "Heave": x[1]}, kind="decay")
+
+    found = rss.diagnose(model, [decay(120.0, (0.5, 0.1), 500.0), decay(20.0, (0.02, 0.3), 9.0)],
+                         effects=["quadratic_drag", "linear_damping"])
+    assert [(e.name, e.dof) for e in found.verdict.effects] == [("quadratic_drag", "Heave")]

@@ -248,6 +248,24 @@ def test_a_small_damper_in_waves_is_in_the_bands(damper):
     assert not any("linear damping" in text for text in found.warnings)
 
 
+def test_an_accelerometer_tells_as_much_as_a_displacement():
+    """By phasors: to the force at a sample, not to its mean since the last one, the acceleration answers at once."""
+    model, rng, time = tank(), np.random.default_rng(1), 0.05 * np.arange(800)
+    omega = rng.uniform(4.0, 13.0, 60)
+    waves = np.exp(1j * np.outer(time, omega)) * np.exp(2j * np.pi * rng.random(60))
+    K, B = model.fit.frequency_response(omega)[:, 0, 0], model.fit.frequency_response(BAND).real
+    inertia = (model.M + model.A_inf)[0, 0]
+    response = -omega**2 / (model.C[0, 0] - omega**2 * inertia + 1j * omega * (K + model.D[0, 0]))
+    read = (waves @ response).real
+    read = read + 0.01 * read.std() * rng.standard_normal(time.size)
+    record = Record(time, {"Heave_acceleration": read, "Heave_force": waves.real.sum(axis=1)}, kind="forced")
+    found = identify(model, record, "prediction-error", omega=BAND, draws=300)
+    assert np.mean((found.B.lower < B) & (B < found.B.upper)) > 0.9
+    for name in ("inertia [Heave]", "stiffness [Heave]", "sensor [Heave]"):
+        row = found.parameters[name]
+        assert abs(row["mean"]) < 3.0 * max(row["std"], 0.1 * row["prior_std"])
+
+
 def test_a_damper_between_two_bodies_is_found():
     """A power take-off between bodies that a spring couples; by SciPy's integrator."""
     one, rng, spring, damper = tank(), np.random.default_rng(3), 60.0, 20.0

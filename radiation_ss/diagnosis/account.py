@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.prediction import Error, Predictor, energy, without_slow
 from radiation_ss.diagnosis.rules import Rules
@@ -232,9 +233,19 @@ def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) 
         for place in problem.places:
             run = problem.runs[place.record]
             if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
-                through = factor**2 * float(np.sum(problem.rows.noise[place.rows])) / run.time.size
-                found[run.record.name] = through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2
+                through = float(np.sum(problem.rows.noise[place.rows])) / run.time.size
+                through += beyond(problem.model, run, dof)
+                found[run.record.name] = factor**2 * through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2
     return float(np.sqrt(found.get(error.record, np.mean([*found.values()] or [0.0]))))
+
+
+def beyond(model: Model, run: MeasuredMotion, dof: int) -> float:
+    """Return the variance of the force by noise of the motions above the basis, where they stand out of their noise."""
+    top = float(run.basis[0].omega[-1])
+    at = np.linspace(top, max(top, float(run.clear.max())), 50)
+    density = run.noise[:, -1] ** 2 * run.dt / np.pi
+    through = np.abs(impedance(model, at)[:, dof]) ** 2 * (at[:, None] <= run.clear) @ density
+    return 0.0 if run.record.kind == "static" else float(np.trapezoid(through, at))
 
 
 def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:

@@ -97,7 +97,9 @@ def peaked(course: FloatArray, part: FloatArray, rng: np.random.Generator, draws
     """
     thin = course[::max(1, course.shape[0] // (8 * part.size))]
     signs = np.vstack([np.ones(part.size), rng.choice([-1.0, 1.0], (draws, part.size))])
-    return np.asarray(np.nan_to_num(kurtosis(thin @ (signs * part).T, axis=0)))
+    if not np.any(part[1:]):  # the first is the constant, which has no course
+        return np.zeros(1 + draws)
+    return np.asarray(np.nan_to_num(kurtosis(thin[:, 1:] @ (signs * part)[:, 1:].T, axis=0)))
 
 
 def matters(sums: FloatArray, rules: Rules) -> np.ndarray:

@@ -137,7 +137,8 @@ class MotionLikelihood:
         N = F.shape[0]
         Ad, held, late = hold_matrices(F, G, c.dt)      # exact for a force that is straight between samples
         noise, force_noise = self.rules.of(v[:p]), self.force_scale * self.rules.of(v[p:p + n])
-        force = self.forces(u, v) - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
+        sampled = self.forces(u, v)
+        force = sampled - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
         drive = np.zeros((force.shape[0], N + p))
         drive[:-1, :N] = force[:-1] @ (held - late).T + force[1:] @ late.T
         H, direct = self.outputs(F, G, self.form.gain("sensor", u))
@@ -147,7 +148,7 @@ class MotionLikelihood:
         full[:N, :N], Q[:N, :N] = Ad, process @ process.T
         Q[N:, N:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
         return innovations(full, Q, np.hstack([H, np.eye(p)]), R, self._initial, drive,
-                           c.y / c.rms - force @ direct.T, self.rules.settled)
+                           c.y / c.rms - sampled @ direct.T, self.rules.settled)
 
     def value(self, u: FloatArray, v: FloatArray) -> float:
         """Return the log likelihood."""

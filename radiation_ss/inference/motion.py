@@ -76,6 +76,7 @@ class MeasuredMotion:
     noise: FloatArray  # (n, bins): Standard deviation a sample of white noise as strong as the displacement's there
     omega: FloatArray  # (n,): Typical circular frequency of each motion [rad/s]
     reach: FloatArray  # (n,): Highest frequency that a motion's equation is looked at [rad/s]
+    clear: FloatArray  # (n,): Highest frequency of x, v and a [rad/s]: beyond it the sensor's noise is larger
     basis: list[Block]
     sensors: tuple[Sensor, ...]
     elevation: FloatArray  # (nt,): Wave elevation at the body [m]; 0 where it is not known
@@ -110,6 +111,11 @@ class MeasuredMotion:
     def elevation_rate(self) -> FloatArray:
         """Slope of the wave elevation by time [m/s]."""
         return np.gradient(self.elevation, self.dt)
+
+    def under_way(self, share: float = 0.2) -> bool:
+        """Whether it begins with a motion at more than a share of its largest velocity: not at a release."""
+        speed = np.abs(self.v[self.free])
+        return bool(np.any(speed[:, 0] > share * speed.max(axis=1)))
 
     @property
     def dt(self) -> float:
@@ -180,7 +186,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     extra = tuple(second_sensors(model, record, grid, found, omega, bins, resolution.white))
     waves = still_or_waves(model, record, grid)
     return MeasuredMotion(record, time, raw, x, v, a, free, force, model.fit.c @ states, states, transients, lost,
-                          noise, omega, reach, basis, extra, waves[0], waves[1], waves[2:], steps)
+                          noise, omega, reach, tops, basis, extra, waves[0], waves[1], waves[2:], steps)
 
 
 def followed(model: Model, record: Record, x: FloatArray) -> FloatArray:
@@ -198,8 +204,9 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
 
     Gaps are those of motions, of forces and of the elevation that makes them. An interval between samples is no gap
     where it is at most `missed` times the usual one; before the first sample and after the last every longer one is.
-    Parts that are shorter than a test function's interval are left out. What is under way when a later part begins is
-    not known: those of a decay are records without a force. InputError if no part is long enough.
+    Parts that are shorter than a test function's interval of the fastest motion are left out. What is under way when
+    a later part begins is not known: those of a decay are records without a force. InputError if no part is long
+    enough.
     """
     read = [(i, f) for i in range(model.n) if (f := channel(model, record, i))] if record.kind != "static" else []
     omega = [typical(model, f, i) for i, f in read]
@@ -208,7 +215,7 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
             for gap in unread(record, at, np.pi / w, missed)]
     if not gaps:
         return [record], []
-    gaps, least = sorted(gaps), (resolution or Resolution()).periods * 2 * np.pi / min(omega)
+    gaps, least = sorted(gaps), (resolution or Resolution()).periods * 2 * np.pi / max(omega)
     starts = np.maximum.accumulate([record.time[0], *(end for _, end in gaps)])
     spans = [(a, b) for a, b in zip(starts, [*(start for start, _ in gaps), record.time[-1]]) if b - a >= least]
     if not spans:

@@ -83,12 +83,6 @@ class SimulatedRecords:
             paths.append(path)
         return all(alike(coarse, fine, self.problem.model, share) for coarse, fine in zip(*paths))
 
-    def under_way(self, r: int, share: float = 0.2) -> bool:
-        """Whether a record begins with a motion at more than a share of its largest velocity: not at a release."""
-        run = self.problem.runs[r]
-        speed = np.abs(run.v[run.free])
-        return bool(np.any(speed[:, 0] > share * speed.max(axis=1)))
-
     def prepared(self, r: int, h: float) -> Prepared:
         """Return a record for steps of h [s]: its readings, and its force with that of effects of its own numbers."""
         run, slow = self.problem.runs[r], own_force(self.problem, self.candidate, r)

@@ -104,7 +104,7 @@ class Trajectories:
         self.coarse = [p if step == h else replace(p, grid=np.arange(p.grid[0], p.grid[-1] + 1.5 * step, step))
                        for p, step in zip(self.prepared, coarse)]
         begins = [{"motion": start_of(problem.model, p, self.rollout.ns)}
-                  | (unrest_of(self.rollout, p) if simulated.under_way(r) else {})
+                  | (unrest_of(self.rollout, p) if problem.runs[r].under_way() else {})
                   for r, p in zip(self.records, self.prepared)]
         self.starts = [np.hstack(list(parts.values())) for parts in begins]
         # Of many long records the force itself is large.
