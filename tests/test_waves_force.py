@@ -144,3 +144,16 @@ def test_the_force_of_a_long_body_keeps_its_size_between_the_frequencies_of_a_fi
     expected = 1e6 * elevation(inside - late)
     error = np.std(force(inside) - expected) / np.std(expected)
     assert error < 0.02  # straight lines: 0.05
+
+
+@pytest.mark.parametrize("apart, told", [(10.0, False), (45.0, True)])
+def test_a_long_body_between_coarse_directions_is_warned_of(apart, told, caplog):
+    """Of a line of length L along x the force is that of the water under it, sin(z) / z with z = k L cos(beta) / 2."""
+    omega, beta = np.linspace(0.4, 1.6, 40), np.radians(np.arange(0.0, 181.0, apart))
+    z = 0.5 * omega[:, None] ** 2 / 9.81 * 40.0 * np.cos(beta)
+    X = (1e5 * np.sinc(z / np.pi))[:, :, None].astype(complex)
+    table = np.full((40, 1, 1), 1e4)
+    data = rss.HydroData(omega, table, table, A_inf=[[1e4]], dofs=("Heave",), X=X, directions=beta, depth=np.inf)
+    sea = rss.realise(rss.jonswap(2.0, tp=6.0), 300.0, 0.5, seed=0, directions=[np.radians(67.0)])
+    rss.exciting_force(data, sea, outside=0.2)
+    assert any("linear between the directions" in text for text in caplog.messages) == told

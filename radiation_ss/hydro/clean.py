@@ -198,6 +198,10 @@ def with_A_inf(data: HydroData) -> HydroData:
     each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
     note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to "
             f"{100.0 * share.max():.2g} % of the damping lies above {found.tail.omega:g} rad/s")
+    if unsure := [dof for dof, rises in zip(data.dofs, np.diagonal(found.rising)) if rises]:
+        log.warning("%s: the damping of %s still rises at %g rad/s, so A_inf is hardly known; give "
+                    "data.replace(A_inf=...), or frequencies up to where the damping falls", data.source or "data",
+                    ", ".join(unsure), found.tail.omega)
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 

@@ -7,7 +7,7 @@ below the first one a parabola through the first three. What the two continuatio
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray, lagrange, read_only
@@ -85,6 +85,7 @@ class InfiniteAddedMass:
     value: FloatArray
     std: FloatArray
     tail: Tail
+    rising: NDArray[np.bool_]  # (n, n): Whether the damping still rises at the highest frequency: all of it is unsure
 
 
 def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5, 12.0), usual: float = 3.0) -> Tail:
@@ -150,12 +151,13 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
 
 
-def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAddedMass:
+def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike, least: float = 1e-3) -> InfiniteAddedMass:
     """Estimate A_inf as the level that A and the Kramers-Kronig transform of B differ by.
 
-    Each frequency gives one estimate; the median over the middle of the band is taken.
+    Each frequency gives one estimate; the median over the middle of the band is taken. Where the damping still rises at
+    the end of the band, and B / w there is `least` of A_inf, most of it may lie beyond: the estimate may be all wrong.
     """
-    w, mass = _band(omega, A, "A")
+    (w, mass), (_, damping) = _band(omega, A, "A"), _band(omega, B, "B")
     with_tail = mass - added_mass_from_damping(w, B)
     without = mass - added_mass_from_damping(w, B, tail=False)
     used = (w > w[0]) & (w < 0.9 * w[-1]) if w.size > 5 else np.ones(w.size, dtype=bool)
@@ -163,7 +165,10 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> InfiniteAdde
     low, high = np.quantile(with_tail[used], [0.1, 0.9], axis=0)
     spread = (high - low) / 2.563  # the standard deviation of a normal distribution with these quantiles
     continuation = np.abs(np.median(with_tail[used] - without[used], axis=0))
-    return InfiniteAddedMass(value, np.hypot(spread, continuation), fit_tail(w, B))
+    last = np.abs(damping[-1])
+    rising = (last > np.abs(damping[w >= min(0.8 * w[-1], w[-4])][0])) & (last > least * w[-1] * np.abs(value))
+    std = np.maximum(np.hypot(spread, continuation), np.where(rising, np.abs(value), 0.0))
+    return InfiniteAddedMass(value, std, fit_tail(w, B), rising)
 
 
 def _band(omega: ArrayLike, values: ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:

@@ -1,8 +1,10 @@
 """The exciting force of a random sea, from X(w, direction); directional spreading."""
 
+import logging
+
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.interpolate import Akima1DInterpolator
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.convert import opened
@@ -12,14 +14,16 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.methods import accepting
 from radiation_ss.waves.realise import Sea
 
+log = logging.getLogger("radiation_ss")
+
 
 @accepting(body=opened)
 def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) -> FloatArray:
     """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
 
     force_j(t) = Re sum_k sum_d X_j(w_k, beta_d) a_dk e^{i w_k t}. X is interpolated in frequency (modified Akima, real
-    and imaginary part) and linearly in direction. Harmonics outside the frequencies of X are left out: they exert no
-    force.
+    and imaginary part) and linearly in direction, with a warning where it is far from linear. Harmonics outside the
+    frequencies of X are left out: they exert no force.
 
     Parameters
     ----------
@@ -59,8 +63,11 @@ def energy_outside(data: HydroData, sea: Sea) -> tuple[float, str]:
                            f"frequencies of X ({below:.1%} below {low:g} rad/s, {above:.1%} above {high:g} rad/s)")
 
 
-def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01) -> ComplexArray:
-    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time."""
+def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01, rough: float = 0.1) -> ComplexArray:
+    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time.
+
+    `rough`: share of a motion's force by which X may curve between its directions without a warning.
+    """
     data = body.hydro if isinstance(body, Model) else body
     if data is None or data.X is None:
         raise InputError(f"{getattr(data, 'source', '') or 'body'}: the exciting force X is missing")
@@ -74,9 +81,14 @@ def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01) ->
     inside = (sea.omega >= data.omega[0]) & (sea.omega <= data.omega[-1])
     force = np.zeros((data.n, sea.omega.size), dtype=complex)
     directions = [None] if sea.directions is None else sea.directions.tolist()
+    worst, where = 0.0, ""
     for amplitudes, direction in zip(sea.amplitudes, directions):
         X = transfer(data, sea.omega[inside], direction)
         force[:, inside] += (X * amplitudes[inside, None]).T
+        worst, where = max((worst, where), bent(data, sea.omega[inside], direction, amplitudes[inside]))
+    if worst > rough:
+        log.warning("%s: the force is taken as linear between the directions of X; at %s, a curve through them differs "
+                    "by %.0f %%; give X at closer directions", data.source or "data", where, 100.0 * worst)
     return force
 
 
@@ -85,7 +97,23 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
 
     `omega` (nw,): frequencies within the data's [rad/s]. `direction`: of propagation [rad]; absent: the only one of X.
     """
-    assert data.X is not None and data.directions is not None
+    assert data.X is not None
+    order, known, at = around(data, direction)
+    right = min(int(np.searchsorted(known, at)), known.size - 1)
+    left = max(right - 1, 0)
+    apart = known[right] - known[left]
+    if apart > 0.5 * np.pi + 1e-9 and min(at - known[left], known[right] - at) > 1e-9:
+        raise InputError(f"direction: {np.degrees(at):.4g} deg lies between {np.degrees(known[left]):.4g} and "
+                         f"{np.degrees(known[right]):.4g} deg, the closest ones of X, more than a right angle apart; a "
+                         "force is not linear over so much; give X for more directions")
+    share = (at - known[left]) / apart if right > left else 1.0
+    X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
+    return between(data.omega, X, np.asarray(omega, dtype=float))
+
+
+def around(data: HydroData, direction: float | None) -> tuple[NDArray[np.int64], FloatArray, float]:
+    """Return the order of X's directions, these [rad], the circle closed, and the direction among them."""
+    assert data.directions is not None
     if direction is None:
         if data.directions.size > 1:
             some = ", ".join(f"{angle:.4g}" for angle in np.degrees(data.directions[:6]))
@@ -95,20 +123,27 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
         direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
-    # All round: close the circle.
-    if known.size > 2 and known[0] + 2.0 * np.pi - known[-1] <= 1.01 * np.diff(known).max():
+    if known.size > 2 and 1e-9 < known[0] + 2.0 * np.pi - known[-1] <= 1.01 * np.diff(known).max():
         order, known = np.append(order, order[0]), np.append(known, known[0] + 2.0 * np.pi)
-    at = bring_into(direction, known)
-    right = min(int(np.searchsorted(known, at)), known.size - 1)
-    left = max(right - 1, 0)
-    apart = known[right] - known[left]
-    if apart > 0.5 * np.pi + 1e-9 and min(at - known[left], known[right] - at) > 1e-9:
-        raise InputError(f"direction: {np.degrees(direction):.4g} deg lies between {np.degrees(known[left]):.4g} and "
-                         f"{np.degrees(known[right]):.4g} deg, the closest ones of X, more than a right angle apart; a "
-                         "force is not linear over so much; give X for more directions")
-    share = (at - known[left]) / apart if right > left else 1.0
-    X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
-    return between(data.omega, X, np.asarray(omega, dtype=float))
+    return order, known, bring_into(direction, known)
+
+
+def bent(data: HydroData, omega: FloatArray, direction: float | None, waves: ComplexArray) -> tuple[float, str]:
+    """Return how far a cubic through X's directions is from the straight line, of the force of waves, and in what.
+
+    The largest share of a motion's force, 0 where X has the direction itself. `omega`, `waves`: frequencies and
+    amplitudes (nw,).
+    """
+    assert data.X is not None
+    order, known, at = around(data, direction)
+    if known.size < 3 or np.abs(known - at).min() < 1e-9:
+        return 0.0, ""
+    closed = "periodic" if order[-1] == order[0] else "not-a-knot"
+    curved = between(data.omega, CubicSpline(known, data.X[:, order], axis=1, bc_type=closed)(at), omega)
+    straight = transfer(data, omega, at)
+    size, off = (np.linalg.norm(values * waves[:, None], axis=0) for values in (straight, curved - straight))
+    worst = int(np.argmax(off / np.maximum(size, 1e-300)))
+    return float(off[worst] / max(size[worst], 1e-300)), f"{np.degrees(at):.4g} deg, {data.dofs[worst]}"
 
 
 def between(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:

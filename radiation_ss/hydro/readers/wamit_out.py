@@ -208,6 +208,10 @@ def matrices(path: Path, table: Table, last: int) -> Radiation:
     modes = sorted(i for i, j in usual if i == j)
     if not modes:
         raise InputError(f"{path}: no diagonal entry of the added mass in it")
+    lone = next(((i, j) for i, j in sorted(usual) if (j, i) not in usual), None)
+    if lone is not None:
+        raise InputError(f"{path}: added mass of modes {lone[0]}, {lone[1]} is there and that of {lone[1]}, {lone[0]} "
+                         "is not; the whole matrix is needed, both triangles")
     pairs = np.array([[[entries.get((i, j), (0.0, 0.0)) for j in modes] for i in modes] for entries in table.values()])
     return Radiation(np.array(list(table)), pairs[..., 0], pairs[..., 1], modes)
 
