@@ -53,7 +53,8 @@ def test_two_bodies_keep_their_places(tmp_path):
     assert openfast.dofs == ("body1__Heave", "body2__Heave")
     assert_allclose(openfast.frequency_response([1.0])[0], K, rtol=1e-12)
     bemio = read_fit(fit.write(tmp_path / "two.h5"))
-    assert_allclose(bemio.frequency_response([1.0])[0][np.ix_([2, 8], [2, 8])], K, rtol=1e-9)
+    assert bemio.dofs == ("float__Heave", "spar__Heave")  # what has no states is left out
+    assert_allclose(bemio.frequency_response([1.0])[0], K, rtol=1e-9)
 
 
 def test_openfast_header(fit, tmp_path):

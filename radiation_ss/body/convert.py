@@ -24,7 +24,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit
-from radiation_ss.hydro.data import RIGID, HydroData
+from radiation_ss.hydro.data import RIGID, HydroData, signal
 from radiation_ss.hydro.files import read_hydro
 from radiation_ss.hydro.measures import inertia_not_symmetric
 from radiation_ss.hydro.readers.capytaine import netcdf
@@ -199,6 +199,8 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
     if fit is None:
         raise InputError("fit: missing; make one with fit_radiation(data, order)")
     if isinstance(body, HydroData):
+        if list(fit.dofs) == [signal(dof) for dof in body.dofs]:  # of the data as a control.FRD
+            fit = fit.renamed(body.dofs)
         if left := [dof for dof in body.dofs if dof not in fit.dofs]:
             raise InputError(f"fit: it is of {', '.join(fit.dofs)}, and {body.source or 'the data'} has "
                              f"{', '.join(left)} too; take data.select({list(fit.dofs)})")

@@ -93,7 +93,8 @@ class Grounds:
     closes: bool  # Whether little of it is left
     outside: bool  # Whether another effect is left
     plausible: bool  # Whether each nominal number is as near as it may be beside a name
-    surprising: bool  # Whether a number that closes what matters is further off than its tolerance allows
+    moved: bool  # Whether the model's numbers close what matters
+    surprising: bool  # Whether one of them is further off than its tolerance allows
 
     @property
     def doubtful(self) -> bool:
@@ -136,7 +137,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
         outside=min(rest, ledger.unexplained) >= rules.matters and (grows or beside.missed)
         and ledger.beyond >= rules.matters,
         plausible=farthest(own, pair) <= rules.plausible,
-        surprising=surprising(own, pair, rules) and ledger.before**2 - ledger.after**2 >= rules.matters**2)
+        moved=ledger.before**2 - ledger.after**2 >= rules.matters**2, surprising=surprising(own, pair, rules))
 
 
 def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], rules: Rules) -> Answer:
@@ -171,8 +172,9 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         return "ambiguous", first, on.sets if len(on.sets) > 1 or not apart else apart
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
-    if on.surprising and len(on.sets) > 1:
-        # A number that is further off than its tolerance allows may be off itself, or by an effect like it.
+    if on.moved and (on.surprising or on.none < 0.5) and len(on.sets) > 1:
+        # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
+        # nothing is there is no answer where that is rather not so.
         return "ambiguous", first, on.sets
     return "no_gap", within(found, found.candidates[0].keys), ()
 

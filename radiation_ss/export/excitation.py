@@ -5,6 +5,7 @@ HydroDyn integrates x' = A x + B eta(t + tc) with the wave elevation eta at the 
 ahead: X(w) = C (i w I - A)^-1 B exp(i w tc).
 """
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from radiation_ss.hydro.data import HydroData, force_unit
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 from radiation_ss.methods import Brief
+
+log = logging.getLogger("radiation_ss")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,8 +71,8 @@ class ExcitationFit(Brief):
         return target
 
 
-def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, lead: float | None = None,
-                   passes: int = 12, least: float = 0.01) -> ExcitationFit:
+def fit_excitation(data: HydroData, direction: float = 0.0, states: int | None = None, lead: float | None = None,
+                   passes: int = 12, least: float = 0.01, resolved: float = 0.1) -> ExcitationFit:
     """Fit the wave excitation force of one direction by vector fitting with poles shared by all degrees of freedom.
 
     Gustavsen & Semlyen 1999, IEEE Trans. Power Delivery 14, 1052; unstable poles are mirrored.
@@ -80,8 +83,8 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
         With X.
     direction : float
         One of the data's directions [rad].
-    states : int
-        Number of states of the whole model.
+    states : int, optional
+        Number of states of the whole model; by default 30, or the number of frequencies if that is smaller.
     lead : float, optional
         How far ahead the elevation is taken [s]; by default the best of a quarter to three periods of the wave where
         the force is largest.
@@ -90,6 +93,9 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
     least : float
         Each degree of freedom counts in units of its largest |X|, but of no less than this share of the largest force,
         or moment, of all: what symmetry makes zero but for rounding is no force to be fitted.
+    resolved : float
+        Least damping rate of a pole within the band over the spacing of the frequencies; what is narrower, as at
+        irregular frequencies, is warned of.
 
     Raises
     ------
@@ -114,6 +120,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
                          f"{', '.join(f'{np.degrees(v):g}' for v in np.asarray(data.directions))} deg")
     there = np.isfinite(data.X[:, at[0]]).all(axis=1)
     omega, X = data.omega[there], data.X[there, at[0]]
+    states = min(30, omega.size) if states is None else states
     if states < 2 or states > omega.size:
         raise InputError(f"states: {states} found; 2 to {omega.size}, the number of frequencies with a force, needed")
     size = np.abs(X).max(axis=0)
@@ -135,7 +142,16 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int = 30, le
         c[active] = size[active, None] * scaled
         return ExcitationFit(data.dofs, a, b, c, float(tc), float(direction), error)
 
-    return min(map(fitted, leads), key=lambda fit: fit.relative_error)
+    best = min(map(fitted, leads), key=lambda fit: fit.relative_error)
+    poles = np.linalg.eigvals(best.a)
+    step = np.interp(poles.imag, omega, np.gradient(omega))
+    narrow = np.flatnonzero((poles.imag > omega[0]) & (poles.imag < omega[-1]) & (-poles.real < resolved * step))
+    if narrow.size:
+        k = narrow[np.argmin(-poles.real[narrow])]
+        log.warning("%s: %d of %d poles of the excitation decay far more slowly than frequencies %.2g rad/s apart "
+                    "resolve (%.2g 1/s at %.4g rad/s): irregular frequencies, or too many states",
+                    data.source or "data", narrow.size, states, step[k], -poles.real[k], poles.imag[k])
+    return best
 
 
 def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,

@@ -110,6 +110,7 @@ def _same_density(file: Any, rho: float, path: Path) -> None:
 def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
+    Degrees of freedom without states are left out.
     InputError if the file is not HDF5 or has no state_space groups.
     """
     import h5py
@@ -132,7 +133,8 @@ def read_bemio(path: Path) -> RadiationFit:
                 states = int(it[i, j])
                 parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
                                                  rho * C[i, j].reshape(1, -1)[:, :states])
-    return _joined(names, parts, path.name)
+    told = {i for pair in parts for i in pair}
+    return _joined(names, parts, path.name).select([name for i, name in enumerate(names) if i in told])
 
 
 def _joined(dofs: Sequence[str], parts: Parts, name: str) -> RadiationFit:

@@ -63,7 +63,7 @@ def write(path: str | Path, settings: dict[str, object], model: Model, arrays: M
 
 def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
     """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
-    content = read_arrays(path, "a saved filter")
+    content = read_arrays(path, "saved filter")
 
     def taken_apart() -> tuple[dict, Model, dict[str, np.ndarray]]:
         header = json.loads(str(content["header"]))

@@ -115,7 +115,7 @@ def _opened(folder: Path, task: Task, runs: int, seed: int, chunk: int) -> Path:
 def _kept(path: Path | None) -> Results | None:
     """Return the chunk of a file that is there and whole; warn of one that is damaged."""
     try:
-        return None if path is None or not path.exists() else read_arrays(path, "a chunk of a study")
+        return None if path is None or not path.exists() else read_arrays(path, "chunk of a study")
     except InputError as error:
         warnings.warn(f"{error}; its runs are done again", RuntimeWarning, stacklevel=3)
         return None

@@ -210,6 +210,14 @@ def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:
     return wanted
 
 
+def notes_on_points(data: HydroData, points: FloatArray) -> list[str]:
+    """Return notes on points between the data's frequencies, and where K of the data is not symmetric."""
+    between = [w for w in points if not np.isclose(data.omega, w, rtol=1e-9, atol=0.0).any()]
+    said = [f"points: {', '.join(f'{w:g}' for w in between)} rad/s lie between the frequencies of the data; K is "
+            "interpolated there by a cubic, and met as that has it"] if between else []
+    return said + asymmetry_at(data, points)
+
+
 def asymmetry_at(data: HydroData, points: FloatArray) -> list[str]:
     """Return a note where K of the data is not symmetric at the points."""
     at = np.array([np.abs(data.omega - w).argmin() for w in points], dtype=int)

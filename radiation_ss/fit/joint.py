@@ -104,6 +104,8 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
         return *form.realise(theta), ("modes of the damping, then L-BFGS"
                                       + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
     starts = [(form, theta)]
+    if _too_fast(form, theta, problem):  # fewer states may do better within the band
+        starts.append(_grown_up(problem.without_points(), range(least, order + 1), motions, search, large, slow=True))
     if problem.x_points.size:  # the points, as samples of large weight, may lead elsewhere
         starts.append(_grown_up(problem, range(least, order + 1), motions, replace(search, known={}), large))
     if not search.passive:
@@ -113,8 +115,16 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
     return *form.realise(theta), how + fewer
 
 
-def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool) -> Start:
-    """Return the model that is best at all samples; what more states gain at thinned ones they may lose between."""
+def _too_fast(form: Port, theta: FloatArray, problem: Problem) -> bool:
+    """Whether losses or couplings make poles far beyond the band: feedthroughs, which no body has."""
+    return bool(np.any(np.abs(theta) > (1.0 + 1e-6) * form.largest(problem.fastest)))
+
+
+def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool, slow: bool = False) -> Start:
+    """Return the model that is best at all samples; what more states gain at thinned ones they may lose between.
+
+    `slow`: of those without poles far beyond the band, if there are any.
+    """
     for n in orders:
         if n not in search.known or n == orders[-1]:
             search.known[n] = _sized(problem.thinned(), n, motions, search, large)
@@ -125,7 +135,8 @@ def _grown_up(problem: Problem, orders: range, motions: int, search: Search, lar
         dense = problem.thinned(800, 240)
         runs = {n: (form, minimise(misfit_of(form, dense), theta, search.screened)[0])
                 for n, (form, theta) in runs.items()}
-    best = min(runs, key=lambda n: (problem.misfit(runs[n][0].states_of(runs[n][1], problem.x)[0]), -n))
+    best = min(runs, key=lambda n: (slow and _too_fast(*runs[n], problem),
+                                    problem.misfit(runs[n][0].states_of(runs[n][1], problem.x)[0]), -n))
     return runs[best]
 
 
@@ -170,8 +181,7 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
 
     def cost(form: Port, v: FloatArray) -> float:
         missed = np.abs(form.states_of(v, problem.x_points)[0] - problem.K_points).max(initial=0.0)
-        fast = problem.x_points.size and np.any(np.abs(v) > (1.0 + 1e-6) * form.largest(problem.fastest))
-        if missed > met or fast or (form.signed and _unstable(form, v)):
+        if missed > met or _too_fast(form, v, problem) or (form.signed and _unstable(form, v)):
             return np.inf
         return float(np.sum(misfit_of(form, problem, 0.0)(v)[0] ** 2))
 
@@ -181,7 +191,9 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
                 for form, theta in starts for spread in (0.0, 0.1, 0.3)]
         starts = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
         starts = sorted(starts, key=lambda start: cost(*start))[:2]
-    runs = [(form, theta, *finish(form, dense, theta)) for form, theta in starts]
+    within = [(form, np.clip(theta, -form.largest(problem.fastest), form.largest(problem.fastest)))
+              for form, theta in starts]
+    runs = [(form, theta, *finish(form, dense, theta)) for form, theta in within]
     form, theta, found, status = min(runs, key=lambda run: min(cost(run[0], run[1]), cost(run[0], run[2])))
     before, new = cost(form, theta), cost(form, found)
     if np.isinf(min(before, new)):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import Akima1DInterpolator
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
@@ -79,10 +80,18 @@ class Problem:
                        weight=weight * np.where(i == j, 1.0, np.sqrt(2.0)))
 
 
+def interpolated(x: FloatArray, K: ComplexArray, at: FloatArray) -> ComplexArray:
+    """Return K (nx, entries) at other frequencies: at the data's own as they are, between by a cubic without swings."""
+    if x.size < 3 or not at.size:
+        return np.array([[np.interp(one, x, column) for column in K.T] for one in at]).reshape(at.size, K.shape[1])
+    real, imag = (Akima1DInterpolator(x, part, method="makima")(at) for part in (K.real, K.imag))
+    return np.asarray(real + 1j * imag, dtype=np.complex128)
+
+
 def check_size(problem: Problem, order: int, states: int, free: int) -> None:
     """Refuse K(0) = 0 or frequency points that ask for more than an order's states and free parameters."""
     name = ", ".join(problem.dofs)
-    if problem.zero and states < 2:
+    if problem.zero and order < 2:
         raise InputError(f"{name}: K(0) = 0 needs order 2 at least")
     equations = 2 * problem.K_points.size - int((problem.x_points == 0.0).sum()) * problem.K.shape[1]
     if equations > free:
@@ -155,8 +164,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
     weights = root * np.where(i == j, 1.0, np.sqrt(2.0)) * np.ones(K.shape)
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
-    K_points = np.array([[np.interp(x, data.omega / rate, K[:, p]) for p in range(K.shape[1])] for x in x_points],
-                        dtype=complex).reshape(x_points.size, K.shape[1])
+    K_points = interpolated(data.omega / rate, K, x_points)
     if not isinstance(at_zero, str):
         x_points = np.r_[0.0, x_points]
         K_points = np.vstack([_value_at_zero(at_zero, data, square)[i, j] / pairs, K_points])

@@ -4,8 +4,8 @@ Levenberg-Marquardt, or L-BFGS where the Jacobian is too large; then by IPOPT
 
     min  sum weight^2 |K(i x) - K_data|^2     over theta of `radiation_ss.fit.port.Port`
     s.t. K(i x_c) = K_c at the frequency points, and no pole decays more slowly than the data resolve
-         (linear in theta around the start, from which IPOPT moves little); with points no loss and no coupling is
-         above `Problem.fastest`: a point may be met by a pole so fast that K has a feedthrough, which no body has
+         (linear in theta around the start, from which IPOPT moves little); no loss and no coupling is above
+         `Problem.fastest`: a pole may be so fast that K has a feedthrough, which no body has
 
 Passivity, reciprocity and K(0) = 0 hold for every theta. IPOPT starts where Levenberg-Marquardt ended.
 """
@@ -119,7 +119,7 @@ def finish(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray,
     solver = _program(port, problem.x.size, problem.x_points.size)
     slopes, room = _resolved(port, problem, theta)
     keep, values = _rows(problem), _values(problem, theta, slopes)
-    largest = port.largest(problem.fastest) if problem.x_points.size else np.full(theta.size, np.inf)
+    largest = port.largest(problem.fastest)
     solution, status = solved(solver["solve"], x0=theta, p=values, lbx=-largest, ubx=largest,
                               ubg=np.r_[np.where(keep, 0.0, np.inf), room],
                               lbg=np.r_[np.where(keep, 0.0, -np.inf), np.full(room.size, -np.inf)])

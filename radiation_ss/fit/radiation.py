@@ -101,7 +101,8 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
-    notes: list[str] = [*data.notes[len(given.notes):], *choices.asymmetry_at(data, wanted)]  # of an estimate of A_inf
+    # Of an estimate of A_inf, and of points
+    notes: list[str] = [*data.notes[len(given.notes):], *choices.notes_on_points(data, wanted)]
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(method, Search(passive, seed), notes)
@@ -269,7 +270,10 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
 
 
 def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:
-    values = np.asarray(weight, dtype=float)
+    try:
+        values = np.asarray(weight, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"weight: {weight!r} found; numbers are needed, one a frequency or an entry") from None
     if values.shape not in ((data.omega.size,), data.B.shape):
         raise InputError(f"weight: shape {values.shape} found; ({data.omega.size},) or {data.B.shape} needed")
     if not np.isfinite(values).all() or (values < 0.0).any() or not values.any():

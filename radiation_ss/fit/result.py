@@ -137,6 +137,16 @@ class RadiationFit(Shown):
         """
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    def renamed(self, dofs: Sequence[str]) -> RadiationFit:
+        """Return the same model with other names of its degrees of freedom, in the same order.
+
+        >>> fit.renamed(["Roll"]).dofs
+        ('Roll',)
+        """
+        names = dict(zip(self.dofs, dofs, strict=True))
+        return self.replace(dofs=tuple(dofs), data=None, path=(), suspects=(),
+                            blocks=tuple(tuple(names[dof] for dof in block) for block in self.blocks))
+
     def select(self, dofs: Sequence[str]) -> RadiationFit:
         """Return the radiation model of some degrees of freedom, without the states that they do not reach.
 

@@ -184,8 +184,16 @@ def cosine_spreading(directions: ArrayLike, mean: float = 0.0, exponent: float =
         Main direction [rad].
     exponent : float
         s; about 5 for wind sea, 25 to 75 for swell (Longuet-Higgins et al. 1963; Goda 2000).
+
+    Raises
+    ------
+    InputError
+        If directions are no radians, none lies near the main direction, or the exponent is negative.
     """
     angle = np.asarray(directions, dtype=float) - mean
+    if np.abs(angle).max(initial=0.0) > 4.0 * np.pi or exponent < 0.0:
+        raise InputError(f"directions, exponent: {np.abs(angle).max(initial=0.0):g} rad from the main direction and "
+                         f"{exponent:g} found; radians and a positive exponent are needed, np.radians(...)")
     weight = np.abs(np.cos(0.5 * angle)) ** (2.0 * exponent)
     if not weight.sum() > 0.0:
         raise InputError("directions: none lies near the main direction")

@@ -129,6 +129,9 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
     if method not in ("phase", "amplitude"):
         raise InputError(f"method: {method!r} is unknown; use 'phase' or 'amplitude'")
     headings = np.atleast_1d(np.asarray(0.0 if directions is None else directions, dtype=float))
+    if np.abs(headings).max(initial=0.0) > 2.0 * np.pi + 1e-6:
+        raise InputError(f"directions: {headings[np.abs(headings).argmax()]:g} rad is more than a turn; degrees are "
+                         "given in radians, np.radians(...)")
     shares = np.full(headings.size, 1.0 / headings.size) if spreading is None else np.asarray(spreading, dtype=float)
     if shares.shape != headings.shape or shares.min() < 0.0 or abs(shares.sum() - 1.0) > 1e-6:
         raise InputError(f"spreading: {headings.size} shares that sum to 1 are needed, one for each direction")

@@ -64,6 +64,11 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     B = _values(path, data, "radiation_damping", matrix)
     fields: dict[str, Any] = {field: _values(path, data, name, matrix[1:]) if name in data else None
                               for field, name in SQUARE.items() if name not in data or ENTRIES not in data[name].dims}
+    if (inertia := fields.get("M")) is not None and np.isnan(inertia).any():  # Capytaine's of shapes of one's own
+        unknown = ", ".join(dof for dof, row in zip(dofs, inertia) if np.isnan(row).all() or np.isnan(row).sum() > 1)
+        notes.append(f"{path}: inertia_matrix is not known of {unknown or 'some motions'}; M is left out: give all "
+                     "of it by data.replace(M=...)")
+        fields["M"] = None
     if "C" not in fields:
         fields["C"] = _stiffness(path, data, dofs)
     force = data.get("excitation_force")
