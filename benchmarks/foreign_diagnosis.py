@@ -116,7 +116,7 @@ def summary(tables: list[dict]) -> str:
         counts = [told.count(kind) for kind in kinds]
         spent = sorted(a["seconds"] for a in table.values() if "seconds" in a)
         first, last = min(table), max(table)
-        rows.append(f"|{first} to {last}|{len(told)}|" + "|".join(map(str, counts))
+        rows.append(f"|{first}-{last}|{len(told)}|" + "|".join(map(str, counts))
                     + f"|{len(told) - sum(counts)}|{spent[len(spent) // 2]:.1f} s, {spent[-1]:.0f} s|")
     off = [case for table in tables
            for case, a in sorted(table.items()) if a["judged"] in ("wrong", "null:false alarm", "false alarm")]

@@ -222,3 +222,11 @@ def test_capytaine_solved_now_to_lqr(tmp_path):
     plt.close("all")
     _, _, poles = ct.lqr(plant, np.diag([0.0] * fit.states + [1.0, 0.1]), [[(1.0 / hydro.C[0, 0]) ** 2]])
     assert poles.real.max() < 0.0
+
+
+def test_a_fit_of_frequency_response_data_goes_with_the_data_they_were_made_of():
+    data = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 40), gyradius=0.4).select("Heave")
+    fit = rss.fit_radiation(data.to_frd(), 3)
+    assert fit.dofs == ("heave",)
+    plant = rss.cummins(data, fit)
+    assert plant.output_labels[0] == "heave" and rss.Model.from_hydro(data, fit.renamed(["Heave"])).dofs == ("Heave",)

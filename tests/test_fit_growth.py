@@ -216,3 +216,29 @@ def test_what_the_fit_leaves_out_is_said():
     with pytest.warns(rss.errors.InputWarning, match="does not follow K of Surge"):
         notes = rss.fit_radiation(data.replace(B=B), 3).notes
     assert any("the data themselves hold" in note for note in notes)
+
+
+def test_few_frequencies_make_no_pole_far_beyond_them():
+    """What does not fall within the band looks like a feedthrough, which a pole at -1000 rad/s would make."""
+    omega = np.linspace(0.3, 2.0, 12)
+    K = (0.2 + 1j * omega / (1.0 + 0.9j * omega - omega**2))[:, None, None]
+    data = rss.HydroData(omega, 1.0 + K.imag / omega[:, None, None], K.real, [[1.0]], dofs=("Heave",))
+    for order in (2, 3, 4):
+        fit = rss.fit_radiation(data, order)
+    X
+
+
+def test_a_point_between_the_frequencies_is_met_near_the_truth():
+    data = data_of(*random_passive(5, 1, 3), omega=np.linspace(0.2, 6.0, 30), dofs=("Heave",))
+    fine = data_of(*random_passive(5, 1, 3), omega=np.linspace(0.2, 6.0, 59), dofs=("Heave",))
+    at = np.arange(11, 49, 8)  # halfway
+    line = 0.5 * (data.K[at // 2, 0, 0] + data.K[at // 2 + 1, 0, 0]) - fine.K[at, 0, 0]
+    met = [rss.fit_radiation(data, 6, points=[fine.omega[k]]) for k in at]
+    off = [fit.frequency_response(fine.omega[[k]])[0, 0, 0] - fine.K[k, 0, 0] for k, fit in zip(at, met)]
+    assert np.median(np.abs(off)) < 0.3 * np.median(np.abs(line))
+    assert all("lie between the frequencies" in fit.notes[0] for fit in met)
+
+
+def test_a_coupled_fit_of_order_one_without_damping_at_rest_is_refused():
+    with pytest.raises(rss.InputError, match="needs order 2"):
+        rss.fit_radiation(array_of(2), 1, at_zero="zero")

@@ -159,6 +159,16 @@ def test_a_single_selected_degree_of_freedom_is_read(tmp_path):
     assert got.directions == [0.7]
 
 
+def test_an_inertia_that_is_not_known_is_left_out_with_a_note(tmp_path):
+    ds = separated(capytaine_like(made_up()))
+    inertia = ds["inertia_matrix"].values.copy()
+    inertia[0], inertia[:, 0] = np.nan, np.nan
+    ds["inertia_matrix"] = ds["inertia_matrix"].dims, inertia
+    ds.to_netcdf(tmp_path / "x.nc")
+    found = rss.read_hydro(tmp_path / "x.nc")
+    assert found.M is None and any(f"not known of {found.dofs[0]}" in note for note in found.notes)
+
+
 def test_a_minimal_dataset_is_read_and_says_what_was_assumed(tmp_path):
     one = np.ones((3, 1, 1))
     dims = ("omega", "influenced_dof", "radiating_dof")

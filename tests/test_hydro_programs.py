@@ -318,6 +318,10 @@ def test_wamit_files_cut_short_are_refused(data, tmp_path):
         rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
     (tmp_path / "sphere.hst").write_text("\n".join(stiffness) + "\n")
     rows = (tmp_path / "sphere.1").read_text().splitlines(keepends=True)
+    upper = [row for k, row in enumerate(rows) if k == 0 or int(row.split()[1]) <= int(row.split()[2])]
+    (tmp_path / "sphere.1").write_text("".join(upper))
+    with pytest.raises(rss.InputError, match="both triangles"):
+        rss.read_hydro(tmp_path / "sphere.1", rho=1000.0)
     last = rows[-1].split()[0]
     (tmp_path / "sphere.1").write_text("".join(row for row in rows if row.split()[0] != last))
     with pytest.raises(rss.InputError, match="not the same ones"):

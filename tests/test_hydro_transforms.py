@@ -72,6 +72,17 @@ def test_a_inf_is_recovered_within_its_uncertainty_and_the_truncated_band_says_s
     assert filled.with_A_inf() is filled
 
 
+def test_a_band_that_ends_before_the_damping_falls_says_that_A_inf_is_not_known(caplog):
+    memory = Memory()
+    peak = max(np.linspace(0.05, 6.0, 500), key=lambda w: memory.K(np.array([w])).real[0, 0, 0])
+    bare = memory.data(np.linspace(0.05, 0.7 * peak, 30), A_inf=False)
+    found = bare.with_A_inf()
+    assert any("Heave still rises" in text for text in caplog.messages) and "Heave 1e+02 %" in found.notes[-1]
+    caplog.clear()
+    memory.data(np.linspace(0.05, 3.0 * peak, 80), A_inf=False).with_A_inf()
+    assert not caplog.messages
+
+
 def test_the_section_solver_obeys_kramers_kronig():
     data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.3, 30.0, 120), 0.45, panels=40)
     residual = data.A - data.A_inf - added_mass_from_damping(data.omega, data.B)

@@ -157,3 +157,10 @@ def test_a_long_body_between_coarse_directions_is_warned_of(apart, told, caplog)
     sea = rss.realise(rss.jonswap(2.0, tp=6.0), 300.0, 0.5, seed=0, directions=[np.radians(67.0)])
     rss.exciting_force(data, sea, outside=0.2)
     assert any("linear between the directions" in text for text in caplog.messages) == told
+
+
+def test_degrees_are_no_radians():
+    with pytest.raises(rss.InputError, match="radians"):
+        rss.realise(rss.jonswap(2.0, tp=6.0), 60.0, 0.5, directions=[90.0])
+    with pytest.raises(rss.InputError, match="radians"):
+        cosine_spreading([0.0, 45.0, 90.0])

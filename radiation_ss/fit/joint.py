@@ -120,6 +120,17 @@ def _too_fast(form: Port, theta: FloatArray, problem: Problem) -> bool:
     return bool(np.any(np.abs(theta) > (1.0 + 1e-6) * form.largest(problem.fastest)))
 
 
+def _slowed(form: Port, theta: FloatArray, problem: Problem) -> FloatArray:
+    """Return theta without poles far beyond the band; a state that loses less is driven less, W^2 / D1 as it was."""
+    largest = form.largest(problem.fastest)
+    new = np.clip(theta, -largest, largest)
+    if not form.lossless:
+        lost, kept = (np.abs(form.unpack(part)[0]) ** (0.5 if form.signed else 1.0) for part in (theta, new))
+        e1, e2, G, W = form.unpack(new)
+        new = form.pack(e1, e2, G, W * np.divide(kept, lost, out=np.ones_like(kept), where=lost > 0.0)[:, None])
+    return new
+
+
 def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool, slow: bool = False) -> Start:
     """Return the model that is best at all samples; what more states gain at thinned ones they may lose between.
 
@@ -191,9 +202,8 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
                 for form, theta in starts for spread in (0.0, 0.1, 0.3)]
         starts = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
         starts = sorted(starts, key=lambda start: cost(*start))[:2]
-    within = [(form, np.clip(theta, -form.largest(problem.fastest), form.largest(problem.fastest)))
-              for form, theta in starts]
-    runs = [(form, theta, *finish(form, dense, theta)) for form, theta in within]
+    starts = [(form, _slowed(form, theta, problem)) for form, theta in starts]
+    runs = [(form, theta, *finish(form, dense, theta)) for form, theta in starts]
     form, theta, found, status = min(runs, key=lambda run: min(cost(run[0], run[1]), cost(run[0], run[2])))
     before, new = cost(form, theta), cost(form, found)
     if np.isinf(min(before, new)):

@@ -80,12 +80,19 @@ class Problem:
                        weight=weight * np.where(i == j, 1.0, np.sqrt(2.0)))
 
 
-def interpolated(x: FloatArray, K: ComplexArray, at: FloatArray) -> ComplexArray:
-    """Return K (nx, entries) at other frequencies: at the data's own as they are, between by a cubic without swings."""
+def interpolated(x: FloatArray, K: ComplexArray, at: FloatArray, i: NDArray, j: NDArray) -> ComplexArray:
+    """Return the entries i, j of K (nx, entries) at other frequencies: by a cubic without swings between the data's.
+
+    By a straight line where the cubic's damping is not positive semidefinite and that of the data is.
+    """
+    straight = np.array([[np.interp(one, x, column) for column in K.T] for one in at], dtype=complex)
     if x.size < 3 or not at.size:
-        return np.array([[np.interp(one, x, column) for column in K.T] for one in at]).reshape(at.size, K.shape[1])
+        return straight.reshape(at.size, K.shape[1])
     real, imag = (Akima1DInterpolator(x, part, method="makima")(at) for part in (K.real, K.imag))
-    return np.asarray(real + 1j * imag, dtype=np.complex128)
+    whole = np.zeros((at.size, i.max() + 1, j.max() + 1))
+    whole[:, i, j] = whole[:, j, i] = real
+    definite = np.linalg.eigvalsh(whole)[:, :1] >= 0.0
+    return np.where(definite, real + 1j * imag, straight)
 
 
 def check_size(problem: Problem, order: int, states: int, free: int) -> None:
@@ -164,7 +171,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     root = root[:, square[0], square[1]][:, i, j] if root.ndim == 3 else root[:, None]
     weights = root * np.where(i == j, 1.0, np.sqrt(2.0)) * np.ones(K.shape)
     x_points = np.zeros(0) if points is None else np.asarray(points) / rate
-    K_points = interpolated(data.omega / rate, K, x_points)
+    K_points = interpolated(data.omega / rate, K, x_points, i, j)
     if not isinstance(at_zero, str):
         x_points = np.r_[0.0, x_points]
         K_points = np.vstack([_value_at_zero(at_zero, data, square)[i, j] / pairs, K_points])
