@@ -110,13 +110,12 @@ def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) ->
     return out
 
 
-def lawful(study: Study, name: str, estimate: float) -> bool:
-    """Whether a law takes no more linear damping from the model than it states."""
+def least_of(study: Study, name: str) -> float:
+    """Return the least coefficient of a law: no more linear damping is taken from the model than it states."""
     kind, where = taken_apart(name)
     along = direction(study.model.dofs, where)
     assert study.model.D is not None
-    stated = float(along @ study.model.D @ along) / float(along @ along) ** 2
-    return kind not in LINEAR or estimate > -stated
+    return -float(along @ study.model.D @ along) / float(along @ along) ** 2 if kind in LINEAR else -np.inf
 
 
 def lawful_draws(study: Study, parts: Sequence[MotionLikelihood], places: Sequence[slice], draws: FloatArray,
@@ -125,7 +124,7 @@ def lawful_draws(study: Study, parts: Sequence[MotionLikelihood], places: Sequen
     inside = np.ones(draws.shape[0], dtype=bool)
     for part, at in zip(parts, places):
         for law, values in zip(part.laws, draws[:, at][:, part.first_law:].T):
-            inside &= [lawful(study, law.name, law.unit * (value + slack)) for value in values]
+            inside &= law.unit * (values + slack) > least_of(study, law.name)
     kept = draws[inside] if inside.any() else draws
     return kept[np.arange(draws.shape[0]) % kept.shape[0]]
 

@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.estimate import Band
 from radiation_ss.identification.channels import known_force, motion_channels, thinned
 from radiation_ss.identification.force import compare_forces, estimate_force
-from radiation_ss.identification.laws import law_warnings, lawful, score_laws
+from radiation_ss.identification.laws import law_warnings, least_of, score_laws
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
@@ -67,7 +67,7 @@ def by_motion_only(study: Study) -> Findings:
                         "and B here; the bands do not hold that: run diagnose on records with a known force")
     tests = score_laws(best.target, best.structure.modes[0], decays)
     asked = [name for name, row in tests.items()
-             if row["p"] < study.rules.nonlinear / len(tests) and lawful(study, name, row["estimate"])]
+             if row["p"] < study.rules.nonlinear / len(tests) and row["estimate"] > least_of(study, name)]
     u = np.vstack([branch.draws[:, :study.n_u] for branch in branches])
     share = sum(branch.probability * branch.share for branch in branches)
     bands = tuple(part.band for part in parts)

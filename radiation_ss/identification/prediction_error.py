@@ -16,9 +16,9 @@ from radiation_ss.identification.laws import (
     LINEAR,
     dampers,
     law_warnings,
-    lawful,
     lawful_draws,
     laws_of,
+    least_of,
     score_laws,
     size_of,
     strength,
@@ -49,7 +49,7 @@ def attribute(study: Study, parts: list[MotionLikelihood],
         asked = [part for part in parts if part.wave is None or not sure]
         left = {name: row for name, row in score_laws(target, peak, asked).items() if name not in laws}
         tests |= left
-        name = min((name for name in left if lawful(study, name, left[name]["estimate"])),
+        name = min((name for name in left if left[name]["estimate"] > least_of(study, name)),
                    key=lambda item: left[item]["p"], default=None)
         if name is None or len(laws) >= study.rules.most_laws or left[name]["p"] >= chance / len(left):
             return parts, target, peak, tests, laws
@@ -80,7 +80,7 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
 def lacking(study: Study, parts: list[MotionLikelihood], peak: Peak, names: Sequence[str]) -> bool:
     """Whether the model lacks these laws: at the mode none takes damping from it."""
     places = study.target(parts).places[-len(parts):]
-    return all(lawful(study, name, strength(name, parts, places, peak.phi[None])[0]) for name in names)
+    return all(strength(name, parts, places, peak.phi[None])[0] > least_of(study, name) for name in names)
 
 
 def weighed_dampers(study: Study, parts: list[MotionLikelihood],

@@ -1,6 +1,6 @@
 """Records made ready for a simulation with a set of effects: its steps, its forces, and the forces that it lacks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import Candidate, own_force
+from radiation_ss.inference.candidates import Candidate, Key, own_force
 from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
 from radiation_ss.inference.force_errors import shape_errors
 from radiation_ss.inference.linear_model import joined
@@ -20,7 +20,7 @@ from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
 from radiation_ss.simulation.rollout import Rollout
 from radiation_ss.simulation.run import alike
-from radiation_ss.simulation.start import step_size
+from radiation_ss.simulation.start import start_of, step_size, unrest_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +94,11 @@ class SimulatedRecords:
         both = [(f.x if f.x.size > run.time.size else run.time, f, row) for f, row in zip(found.force, slow)]
         return replace(found, force=tuple(CubicSpline(t, f(t) + np.interp(t, run.time, row)) for t, f, row in both))
 
+    def begins(self, r: int, rollout: Rollout, prepared: Prepared) -> dict[Key | str, FloatArray]:
+        """Return the directions in which a record's start is unknown: the motion's, and under way effects' own."""
+        motion = start_of(self.problem.model, prepared, rollout.ns)
+        return {"motion": motion} | (unrest_of(rollout, prepared) if self.problem.runs[r].under_way() else {})
+
     def moved(self, r: int, unexplained: bool) -> FloatArray:
         """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
         problem, run = self.problem, self.problem.runs[r]
@@ -134,3 +139,9 @@ def begun(problem: EquationError, rollout: Rollout, r: int) -> FloatArray:
     state = np.zeros(rollout.ns)
     state[m:m + n], state[m + n:m + 2 * n] = run.x[:, 0], run.v[:, 0]
     return state
+
+
+def blocks_of(starts: Mapping[Key | str, FloatArray], first: int, last: int) -> dict[Key | str, slice]:
+    """Return where the unknowns of parts of a start stand that begin at `first`, and the errors' after them."""
+    ends = first + np.cumsum([0, *(basis.shape[1] for basis in starts.values())])
+    return {part: slice(i, j) for part, i, j in zip(starts, ends, ends[1:])} | {"errors": slice(ends[-1], last)}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -28,10 +27,9 @@ from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
-from radiation_ss.inference.simulated import SimulatedRecords, begun
+from radiation_ss.inference.simulated import SimulatedRecords, begun, blocks_of
 from radiation_ss.simulation.prepared import Prepared
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
-from radiation_ss.simulation.start import start_of, unrest_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +43,6 @@ class Normal:
     information: FloatArray
     slope: FloatArray
     parts: list[tuple[FloatArray, np.ndarray]]
-
-
-def blocks_of(starts: Mapping[Any, FloatArray], first: int, last: int) -> dict[Key | str, slice]:
-    """Return where the unknowns of parts of a start stand that begin at `first`, and the errors' after them."""
-    ends = first + np.cumsum([0, *(basis.shape[1] for basis in starts.values())])
-    return {part: slice(i, j) for part, i, j in zip(starts, ends, ends[1:])} | {"errors": slice(ends[-1], last)}
 
 
 def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
@@ -103,9 +95,7 @@ class Trajectories:
         self.prepared = [simulated.prepared(r, h) for r in self.records]
         self.coarse = [p if step == h else replace(p, grid=np.arange(p.grid[0], p.grid[-1] + 1.5 * step, step))
                        for p, step in zip(self.prepared, coarse)]
-        begins = [{"motion": start_of(problem.model, p, self.rollout.ns)}
-                  | (unrest_of(self.rollout, p) if problem.runs[r].under_way() else {})
-                  for r, p in zip(self.records, self.prepared)]
+        begins = [simulated.begins(r, self.rollout, p) for r, p in zip(self.records, self.prepared)]
         self.starts = [np.hstack(list(parts.values())) for parts in begins]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
