@@ -85,6 +85,8 @@ def read(path: Path, **given: float) -> HydroData:
     if "FORCERAO" in found:
         fields["X"] = lags_to_origin(found["FORCERAO"], omega, headings, points, stated["g"], stated["depth"])
         fields["directions"] = headings
+    notes += [f"{path}: no block {name}, so no {what}" for name, what in (("ADDEDMASS_HF", "A_inf"), ("FORCERAO", "X"))
+              if name not in found]
     return assemble(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), dofs, notes=notes,
                     points=dict(zip(bodies(dofs), points)), **stated, **fields)
 
