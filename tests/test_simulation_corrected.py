@@ -141,3 +141,16 @@ def test_a_gain_of_the_recorded_force_is_in_the_linear_plant(nominal):
     linear = ct.linearize(system, np.zeros(system.nstates), [0.0])
     at = 1j * np.array([3.0, 7.0, 12.0])
     np.testing.assert_allclose(np.ravel(better.to_ss(model)[:, 0](at)), np.ravel(linear(at)), rtol=1e-6)
+
+
+def test_drag_of_strips_damps_both_motions_of_a_linear_plant():
+    """In heave alone 8/(3 pi) c A w, and of a small pitch <2 c |v| r^2>, 4/pi c A w L^2 / 12."""
+    fit = rss.RadiationFit(("Heave", "Pitch"), -np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), 1)
+    model = rss.Model(("Heave", "Pitch"), np.diag([50.0, 6.0]), np.diag([20.0, 2.0]), np.diag([1200.0, 90.0]), fit)
+    c, length, size, omega = 150.0, 1.8, 0.1, 4.0
+    drag = activate([("crossflow_drag", "Heave,Pitch", {"coefficient": c, "length": length})], model.dofs)
+    found = Corrected({}, drag, {}, {"Heave": (0.05, omega), "Pitch": (0.05, omega)})
+    D = found.model(model, {"Heave": size, "Pitch": 0.0}).D
+    heave = 8.0 / (3.0 * np.pi) * c * size * omega
+    np.testing.assert_allclose(D, np.diag([heave, 1.5 * heave * length**2 / 12.0]), rtol=0.01, atol=1e-6)
+    assert not found.model(model, 0.0).D.any()

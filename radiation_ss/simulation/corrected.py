@@ -170,6 +170,12 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             continue
         # Lines that hold the whole body have no motion of their own: about rest.
         size, omega = motion_of(model, corrected, active, amplitude) if active.dof else (0.0, 0.0)
+        if active.effect.scope == "pair" and not active.effect.states:
+            both = [(size, omega), motion_of(model, corrected, replace(active, dof=active.other), amplitude)]
+            if any(each > 0.0 for each, _ in both):
+                springs, dampers = equivalent_of_pair(model, active, both)
+                C, D = C + springs, D + dampers
+                continue
         if size == 0.0:
             at_rest = jacobians(model, [active])
             C, D, M = C + at_rest.C, D + at_rest.D, M + at_rest.M
@@ -252,6 +258,29 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     values = at(equations.beyond, phase, states)[i]
     x, v = amplitude * np.cos(phase), -amplitude * omega * np.sin(phase)
     return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
+
+
+def equivalent_of_pair(model: Model, active: Active, motions: Sequence[tuple[float, float]], *, steps: int = 32,
+                       least: float = 1e-6) -> tuple[FloatArray, FloatArray]:
+    """Return stiffness and damping (n, n) that do a pair's work in harmonic motions of two dofs, of any phase.
+
+    `motions`: amplitude and circular frequency of each; one that is at rest moves by `least` of its unit.
+    """
+    equations, places = MotionEquations(model, [active]), [model.dofs.index(dof) for dof in (active.dof, active.other)]
+    phases = np.meshgrid(*[2.0 * np.pi * (np.arange(steps) + 0.5) / steps] * 2)
+    x, v, a = np.zeros((3, model.n, steps**2))
+    for place, phase, (size, omega) in zip(places, phases, motions):
+        moved, turn = max(size, least), np.ravel(phase)
+        x[place], v[place], a[place] = (moved * np.array([np.cos(turn), -omega * np.sin(turn),
+                                                          -(omega**2) * np.cos(turn)]))
+    still = np.zeros((equations.drives, 3))
+    point = np.concatenate([np.zeros((model.fit.states, steps**2)), x, v, a])
+    force = np.array([np.asarray(equations.beyond(column, still, 0.0, active.vector)).ravel() for column in point.T]).T
+    k, b = np.zeros((2, model.n, model.n))
+    square = np.ix_(places, places)
+    for found, motion in ((k, x[places]), (b, v[places])):
+        found[square] = -(force[places] @ motion.T) / np.sum(motion**2, axis=1)
+    return k, b
 
 
 def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: Corrected) -> ComplexArray:
