@@ -128,11 +128,12 @@ def around(data: HydroData, direction: float | None) -> tuple[NDArray[np.int64],
     return order, known, bring_into(direction, known)
 
 
-def bent(data: HydroData, omega: FloatArray, direction: float | None, waves: ComplexArray) -> tuple[float, str]:
+def bent(data: HydroData, omega: FloatArray, direction: float | None, waves: ComplexArray,
+         rounding: float = 1e-4) -> tuple[float, str]:
     """Return how far a cubic through X's directions is from the straight line, of the force of waves, and in what.
 
-    The largest share of a motion's force, 0 where X has the direction itself. `omega`, `waves`: frequencies and
-    amplitudes (nw,).
+    The largest share of a motion's force, 0 where X has the direction itself; a force below the share `rounding` of
+    the largest is one that symmetry makes zero. `omega`, `waves`: frequencies and amplitudes (nw,).
     """
     assert data.X is not None
     order, known, at = around(data, direction)
@@ -142,8 +143,9 @@ def bent(data: HydroData, omega: FloatArray, direction: float | None, waves: Com
     curved = between(data.omega, CubicSpline(known, data.X[:, order], axis=1, bc_type=closed)(at), omega)
     straight = transfer(data, omega, at)
     size, off = (np.linalg.norm(values * waves[:, None], axis=0) for values in (straight, curved - straight))
-    worst = int(np.argmax(off / np.maximum(size, 1e-300)))
-    return float(off[worst] / max(size[worst], 1e-300)), f"{np.degrees(at):.4g} deg, {data.dofs[worst]}"
+    share = off / np.maximum(size, max(rounding * size.max(), 1e-300))
+    worst = int(np.argmax(share))
+    return float(share[worst]), f"{np.degrees(at):.4g} deg, {data.dofs[worst]}"
 
 
 def between(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
