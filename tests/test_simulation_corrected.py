@@ -154,3 +154,14 @@ def test_drag_of_strips_damps_both_motions_of_a_linear_plant():
     heave = 8.0 / (3.0 * np.pi) * c * size * omega
     np.testing.assert_allclose(D, np.diag([heave, 1.5 * heave * length**2 / 12.0]), rtol=0.01, atol=1e-6)
     assert not found.model(model, 0.0).D.any()
+
+
+def test_what_takes_a_model_takes_a_system_and_a_step_is_a_time():
+    model, drag = tank_model(), corrected([("linear_damping", {"coefficient": 3.0})])
+    np.testing.assert_allclose(drag.to_ss(rss.cummins(model)).poles(), drag.to_ss(model).poles(), rtol=1e-6)
+    still = rss.Record(np.arange(0.0, 2.0, 0.05), {"Heave": np.full(40, 0.01)}, kind="decay")
+    for step in (0.0, -1.0, np.nan, "x"):
+        with pytest.raises(InputError, match=r"step: .*positive time"):
+            rss.simulate(model, still, step=step)
+    with pytest.raises(InputError, match="rules: dict found"):
+        rss.diagnose(model, still, rules={"matters": 0.01})

@@ -94,6 +94,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     >>> result.verdict.status, [effect.name for effect in result.verdict.effects]
     ('effect', ['quadratic_drag'])
     """
+    if rules is not None and not isinstance(rules, Rules):
+        raise InputError(f"rules: {type(rules).__name__} found; a radiation_ss.diagnosis.Rules is needed")
     rules, tell = rules or Rules(), progress or (lambda text, share: None)
     generator(seed)
     raw, withhold = ([some] if isinstance(some, Record) else list(some) for some in (records, withhold))

@@ -20,6 +20,7 @@ from scipy.integrate import solve_ivp
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.composite import signal_names, system_matrices
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active, activate
 from radiation_ss.effects.definition import named, vector_of
@@ -74,6 +75,7 @@ class Corrected(Brief):
         the exciting force's size and phase. A force that is given to the model acts as given: a gain of the recorded
         one is no property of the body, and is in `to_ss`, `to_nlsys` and `simulate` alone.
         """
+        model = as_model(model)
         extra = linearise(model, self, amplitude, own_states=False)
         mass = np.square(self.tolerance.get("mass", 0.02) * model.M)
         added = np.square(self.tolerance.get("A_inf", 0.02) * model.A_inf)
@@ -99,6 +101,7 @@ class Corrected(Brief):
         """
         import control as ct
 
+        model = as_model(model)
         extra = linearise(model, self, amplitude)
         fit = model.fit.replace(c=model.fit.c + extra.c)
         F, G, H, J = system_matrices(model.replace(A_inf=model.A_inf + extra.M, C=model.C + extra.C,

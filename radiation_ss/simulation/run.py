@@ -87,6 +87,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
             raise InputError(f"force: shape {forces.shape} found, ({model.n}, {time.size}) needed")
         known = {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
         record = Record(time, known, kind="forced", name="force")
+    if step is not None and not (isinstance(step, int | float | np.number) and 0.0 < step < np.inf):
+        raise InputError(f"step: {step!r} found; a positive time [s] is needed, or None")
     if record.kind == "prescribed":
         raise InputError(f"record {record.name}: its motion is prescribed; prescribed_force predicts the force")
     if record.kind == "static":
