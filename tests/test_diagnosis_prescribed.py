@@ -278,3 +278,10 @@ def test_noise_of_a_withheld_sweep_is_its_own():
                          withhold=[driven(dof, numbers, size, middle, lambda x, v: 0.0 * v, 9)])
     assert found.verdict.status == lower.verdict.status == "no_gap"
     assert found.how_far.gap_after < 1.3 * found.how_far.noise_floor
+
+
+def test_a_static_test_without_its_force_is_refused():
+    x = 0.02 * np.random.default_rng(0).standard_normal(12)
+    record = rss.Record(np.arange(12.0), {"Heave": x}, kind="static", name="pull")
+    with pytest.raises(rss.InputError, match="pull: a static test needs the steady force"):
+        rss.diagnose(model_of(*HEAVE[:1], *HEAVE[1]), record)

@@ -293,3 +293,10 @@ def test_a_damper_between_two_bodies_is_found():
     (row,) = rows.values()
     between = (10.0 * 0.04) ** 2 / 12.0 * damper  # the law's force is a straight line from sample to sample
     assert "damping [a__Heave,b__Heave]" in rows and abs(row["mean"] - damper) < 3.0 * row["std"] + between
+
+
+def test_frequencies_are_the_results_own():
+    omega = np.array([5.0, 6.0])
+    found = identify(tank(), [], "points", points=[6.0], omega=omega)
+    omega[:] = 1.0
+    assert found.omega.tolist() == [5.0, 6.0]

@@ -104,6 +104,10 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     check_given_once(raw, withhold)
     apart = named_apart([*raw, *withhold])
     raw, withhold = list(apart[:len(raw)]), list(apart[len(raw):])
+    for record in (*raw, *withhold):
+        if record.kind == "static" and record.get("force", model.dofs) is None:
+            raise InputError(f"record {record.name}: a static test needs the steady force, columns <Dof>_force "
+                             "[N, N m]")
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     if not given:

@@ -119,7 +119,7 @@ class FilterSettings:
     def frequencies(self, model: Model) -> FloatArray:
         """Return those of the answer: given, of the model's data, or 60 from a fifth to five times its natural ones."""
         if self.omega is not None:
-            return np.asarray(self.omega, dtype=float)
+            return np.array(self.omega, dtype=float)
         if model.hydro is not None:
             return model.hydro.omega
         natural = natural_frequencies(model)

@@ -216,7 +216,7 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
 
 def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
     if omega is not None:
-        grid = np.atleast_1d(np.asarray(omega, dtype=float))
+        grid = np.atleast_1d(np.array(omega, dtype=float))  # the caller's own may change
         if grid.size == 0 or not (grid > 0.0).all() or not (np.diff(grid) > 0.0).all():
             raise InputError("omega: positive ascending frequencies [rad/s] needed")
         return grid
