@@ -97,9 +97,14 @@ class Grounds:
     surprising: bool  # Whether one of them is further off than its tolerance allows
 
     @property
+    def rather(self) -> bool:
+        """Whether some effect is rather there than not."""
+        return self.none < 0.5
+
+    @property
     def doubtful(self) -> bool:
         """Whether an effect that matters is rather there than not."""
-        return self.none < 0.5 and self.matter
+        return self.rather and self.matter
 
 
 def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own: Sequence[OwnNumber], data: Data,
@@ -172,7 +177,7 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         return "ambiguous", first, on.sets if len(on.sets) > 1 or not apart else apart
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
-    if on.moved and (on.surprising or on.none < 0.5) and len(on.sets) > 1:
+    if on.moved and (on.surprising or on.rather) and len(on.sets) > 1:
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
         # nothing is there is no answer where that is rather not so.
         return "ambiguous", first, on.sets

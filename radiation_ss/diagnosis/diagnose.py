@@ -33,6 +33,7 @@ from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
+from radiation_ss.simulation.run import steady_force
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
 __all__ = ["Diagnosis", "diagnose"]
@@ -105,9 +106,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     apart = named_apart([*raw, *withhold])
     raw, withhold = list(apart[:len(raw)]), list(apart[len(raw):])
     for record in (*raw, *withhold):
-        if record.kind == "static" and record.get("force", model.dofs) is None:
-            raise InputError(f"record {record.name}: a static test needs the steady force, columns <Dof>_force "
-                             "[N, N m]")
+        if record.kind == "static":
+            steady_force(model, record)
     check_units(model, [*raw, *withhold])
     given, notes = cleaned(model, raw)
     if not given:

@@ -172,9 +172,9 @@ def linearise(model: Model, corrected: Corrected, amplitude: Mapping[str, float]
             left.append(active.label)
             continue
         # Lines that hold the whole body have no motion of their own: about rest.
-        size, omega = motion_of(model, corrected, active, amplitude) if active.dof else (0.0, 0.0)
+        size, omega = motion_of(model, corrected, active, active.dof, amplitude) if active.dof else (0.0, 0.0)
         if active.effect.scope == "pair" and not active.effect.states:
-            both = [(size, omega), motion_of(model, corrected, replace(active, dof=active.other), amplitude)]
+            both = [(size, omega), motion_of(model, corrected, active, active.other, amplitude)]
             if any(each > 0.0 for each, _ in both):
                 springs, dampers = equivalent_of_pair(model, active, both)
                 C, D = C + springs, D + dampers
@@ -211,15 +211,15 @@ def with_memory(fit: RadiationFit, extra: Linear) -> RadiationFit:
                        c=np.concatenate([fit.c + extra.c, -extra.E], axis=1))
 
 
-def motion_of(model: Model, corrected: Corrected, active: Active,
+def motion_of(model: Model, corrected: Corrected, active: Active, dof: str,
               amplitude: Mapping[str, float] | float | None) -> tuple[float, float]:
-    """Return amplitude and circular frequency of the harmonic motion for an effect."""
-    rms, omega = corrected.motion.get(active.dof, (None, natural_frequency(model, model.dofs.index(active.dof))))
-    size = amplitude.get(active.dof) if isinstance(amplitude, Mapping) else amplitude
+    """Return amplitude and circular frequency of the harmonic motion of a degree of freedom for an effect."""
+    rms, omega = corrected.motion.get(dof, (None, natural_frequency(model, model.dofs.index(dof))))
+    size = amplitude.get(dof) if isinstance(amplitude, Mapping) else amplitude
     if size is None and rms is not None:
         size = np.sqrt(2.0) * rms
     if size is None or not size >= 0.0:
-        raise InputError(f"amplitude: {active.label} is nonlinear; give the amplitude of {active.dof} [m or rad] to "
+        raise InputError(f"amplitude: {active.label} is nonlinear; give the amplitude of {dof} [m or rad] to "
                          "linearise at, or 0 for about rest")
     return float(size), float(omega)
 
@@ -243,15 +243,14 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     States of its own have settled in the last one of some periods.
     """
     equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
-    moving, still = np.zeros((model.n, 1)), np.zeros((equations.drives, 3))
+    moving = np.zeros((model.n, 1))
     moving[[i] + ([model.dofs.index(active.other)] if active.effect.scope in ("pair", "directed") else [])] = 1.0
 
     def at(function: ca.Function, angle: FloatArray, states: FloatArray) -> FloatArray:
         motion = amplitude * np.array([np.cos(angle), -omega * np.sin(angle), -(omega**2) * np.cos(angle)])
         x, v, a = (moving * row for row in motion)
         point = np.concatenate([np.zeros((model.fit.states, angle.size)), x, v, states, a])
-        columns = [np.asarray(function(column, still, 0.0, active.vector)).ravel() for column in point.T]
-        return np.array(columns).T
+        return in_still_water(function, point, active)
 
     phase, states = 2.0 * np.pi * np.arange(steps) / steps, np.zeros((equations.own, steps))
     if equations.own:
@@ -261,6 +260,12 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     values = at(equations.beyond, phase, states)[i]
     x, v = amplitude * np.cos(phase), -amplitude * omega * np.sin(phase)
     return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
+
+
+def in_still_water(function: ca.Function, point: FloatArray, active: Active) -> FloatArray:
+    """Return an effect's forces or rates at points of the motion (columns), without waves."""
+    still = np.zeros(function.size_in(1))
+    return np.array([np.asarray(function(column, still, 0.0, active.vector)).ravel() for column in point.T]).T
 
 
 def equivalent_of_pair(model: Model, active: Active, motions: Sequence[tuple[float, float]], *, steps: int = 32,
@@ -276,9 +281,8 @@ def equivalent_of_pair(model: Model, active: Active, motions: Sequence[tuple[flo
         moved, turn = max(size, least), np.ravel(phase)
         x[place], v[place], a[place] = (moved * np.array([np.cos(turn), -omega * np.sin(turn),
                                                           -(omega**2) * np.cos(turn)]))
-    still = np.zeros((equations.drives, 3))
     point = np.concatenate([np.zeros((model.fit.states, steps**2)), x, v, a])
-    force = np.array([np.asarray(equations.beyond(column, still, 0.0, active.vector)).ravel() for column in point.T]).T
+    force = in_still_water(equations.beyond, point, active)
     k, b = np.zeros((2, model.n, model.n))
     square = np.ix_(places, places)
     for found, motion in ((k, x[places]), (b, v[places])):

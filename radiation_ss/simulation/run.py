@@ -142,12 +142,18 @@ def check_force_is_whole(model: Model, record: Record, missed: float = 3.5) -> N
                              "s; take a part without gaps, record.window(start, end)")
 
 
-def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.TimeResponseData:
-    """Return where the body rests under each row's force, as the sensors read it; its velocity is zero."""
+def steady_force(model: Model, record: Record) -> FloatArray:
+    """Return the force (n, rows) of a static test; InputError if it has none."""
     force = record.get("force", model.dofs)
     if force is None:
         raise InputError(f"record {record.name}: a static test needs the steady force, columns <Dof>_force [N, N m]")
-    steady, timeless = np.nan_to_num(force), tuple(a for a in actives if a.effect.clock_out is None)
+    return force
+
+
+def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.TimeResponseData:
+    """Return where the body rests under each row's force, as the sensors read it; its velocity is zero."""
+    steady = np.nan_to_num(steady_force(model, record))
+    timeless = tuple(a for a in actives if a.effect.clock_out is None)
     x = equilibrium(model, steady.T, timeless)
     rollout, row, n = Rollout(model, timeless, 1.0), np.arange(float(record.time.size)), model.n
     state = np.zeros((row.size, rollout.ns))
