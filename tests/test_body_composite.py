@@ -63,6 +63,7 @@ def test_spring_and_damper_shift_the_static_response():
     (lambda: rss.cummins(tank_model(), tank_fit("Roll")), "degrees of freedom"),
     (lambda: rss.cummins(tank_model(), stiffness={"Roll": 1.0}), "Roll"),
     (lambda: rss.rigid_body(([[1.0]], [[1.0]], [[1.0]])), "dofs"),
+    (lambda: rss.rigid_body(tank_model(), ["Pitch"]), "the body's are"),
 ])
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):

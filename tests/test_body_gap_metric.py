@@ -121,6 +121,7 @@ def test_units_matter_and_scaling_is_offered():
 @pytest.mark.parametrize("call, words", [
     (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.ss([[-1.0]], [[1.0, 0.0]], [[1.0]], [[0.0, 0.0]])), "agree"),
     (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), input_scale=-1.0), "input_scale"),
+    (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), input_scale=[1.0, 2.0]), "one positive number"),
     (lambda: rss.robust_margin(ct.tf([1], [1, 1]), np.ones((2, 2))), "outputs and"),
 ])
 def test_bad_input_is_said(call, words):

@@ -113,3 +113,9 @@ def test_dask_gives_the_same_numbers_and_loses_nothing_with_a_worker(cluster, tm
         filtered = rss.repeat(study(), 4, seed=3, chunk=2, executor=pool)
     np.testing.assert_array_equal(far["draw"], rss.repeat(Counted(tmp_path / "local"), 40, seed=2)["draw"])
     np.testing.assert_array_equal(filtered["theta"], rss.repeat(study(), 4, seed=3)["theta"])
+
+
+def test_a_study_that_cannot_be_pickled_needs_no_folder(tmp_path):
+    assert rss.repeat(lambda seed: {"a": np.ones(2)}, 3)["a"].shape == (3, 2)
+    with pytest.raises(rss.InputError, match="task: cannot be pickled"):
+        rss.repeat(lambda seed: {"a": np.ones(2)}, 3, folder=tmp_path)

@@ -43,6 +43,8 @@ def test_a_file_gives_what_its_content_gives(files):
     assert np.allclose(rss.sampled(files["model"], 0.05).A, rss.sampled(model, 0.05).A)
     sea = rss.realise(rss.jonswap(0.01, t01=1.0), 10.0, 0.05, seed=0, directions=data.directions)
     assert np.array_equal(rss.exciting_force(files["model"], sea), rss.exciting_force(model, sea))
+    for given in (files["model"], rss.cummins(model)):
+        assert np.allclose(rss.rigid_body(given).A, rss.rigid_body(model).A)
 
 
 def test_whatever_takes_data_a_fit_or_a_record_takes_a_file(files, tmp_path):

@@ -249,3 +249,17 @@ def test_angles_that_end_before_the_accelerometers_are_refused():
     angles = rss.Record(TIME[:-20], {"Roll": 0.1 * np.sin(TIME[:-20])})
     with pytest.raises(rss.InputError, match="rotations: Roll is measured from"):
         rss.from_accelerometers(TIME, [np.zeros(TIME.size)], [[0, 0, 0]], [[0, 1, 0]], ["Sway"], rotations=angles)
+
+
+def test_the_pair_that_clock_offset_returns_is_no_offset():
+    heave, pitch = rss.Record(TIME, {"Heave": TIME}), rss.Record(TIME, {"Pitch": TIME})
+    with pytest.raises(rss.InputError, match="the first that clock_offset returns"):
+        rss.joined(heave, pitch, (1.0, 0.9))
+
+
+def test_rotations_of_ones_own_are_turned_into_radians():
+    flap = rss.Record(TIME, {"flap": np.full(TIME.size, 90.0), "gap": TIME}, units={"flap": "rad", "gap": "m"})
+    turned = rss.in_radians(flap)
+    assert turned.channels["flap"] == pytest.approx(np.pi / 2) and np.array_equal(turned.channels["gap"], TIME)
+    with pytest.raises(rss.InputError, match="none of its rotations"):
+        rss.in_radians(flap, "gap")

@@ -81,3 +81,9 @@ def test_probes_in_a_flume(data, run):
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):
         call()
+
+
+@pytest.mark.parametrize("wrong", [{"share": 2.0}, {"share": 1.0}, {"g": 0.0}])
+def test_arguments_out_of_their_range_are_refused(wrong):
+    with pytest.raises(rss.InputError, match=next(iter(wrong))):
+        rss.carry_elevation(np.cos(np.arange(0.0, 20.0, 0.05)), 0.05, 1.0, **wrong)

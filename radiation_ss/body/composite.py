@@ -96,11 +96,16 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
 
     Parameters
     ----------
-    body : Model, HydroData or (M, C, A_inf)
+    body : Model, HydroData, control.StateSpace, path or (M, C, A_inf)
     dofs : sequence of str, optional
-        Names; needed with matrices.
+        Names, with matrices alone.
     stiffness, damping, name
         As for `cummins`.
+
+    Raises
+    ------
+    InputError
+        If matrices come without names, or another body with other names than its own.
 
     Examples
     --------
@@ -109,10 +114,15 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
     >>> plant.input_labels, plant.output_labels
     (['heave_force'], ['heave', 'heave_vel', 'heave_acc'])
     """
-    if isinstance(body, Model | HydroData):
+    if isinstance(body, tuple | list):
+        if dofs is None:
+            raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
+    else:
+        body = body if isinstance(body, HydroData) else as_model(body)
+        if dofs is not None and tuple(dofs) != tuple(body.dofs):
+            raise InputError(f"dofs: {list(dofs)}; the body's are {list(body.dofs)}; leave dofs out, or select them "
+                             "from the data first")
         dofs = body.dofs
-    if dofs is None:
-        raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
     return cummins(body, no_radiation(dofs), stiffness=stiffness, damping=damping, name=name)
 
 

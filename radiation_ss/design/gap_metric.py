@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 
@@ -130,10 +130,11 @@ def continuous(system: ct.StateSpace | ct.TransferFunction, input_scale: ArrayLi
 
 def scale(value: ArrayLike | None, size: int, name: str) -> FloatArray:
     """Return one positive unit for each signal."""
-    units = np.broadcast_to(np.asarray(1.0 if value is None else value, dtype=float), (size,))
-    if not np.all(units > 0.0):
-        raise InputError(f"{name}: {units} must be positive")
-    return units
+    units = read_only(np.ones(size) if value is None else np.atleast_1d(value), name, (None,))
+    if units.size not in (1, size) or not np.all(units > 0.0):
+        raise InputError(f"{name}: {units.tolist()}; one positive number, or one for each of the plant's {size}, is "
+                         "needed")
+    return np.broadcast_to(units, (size,))
 
 
 def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:

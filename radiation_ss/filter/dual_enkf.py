@@ -106,10 +106,12 @@ class DualEnKF:
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
+        A second sample at the same time counts as another measurement.
+
         Raises
         ------
         InputError
-            If `prepare` was not called, time is missing or does not ascend, or a channel is unknown or no number.
+            If `prepare` was not called, time is missing or goes back, or a channel is unknown or no number.
 
         >>> rss.DualEnKF(model, seed=1).prepare(record).step({"time": 0.0, "Heave": 0.001}).force.shape
         (1,)
@@ -170,7 +172,7 @@ class DualEnKF:
         Raises
         ------
         InputError
-            If time does not ascend.
+            If time goes back.
         SolverError
             If the filter diverges.
 

@@ -80,7 +80,7 @@ class SampleBlock(NamedTuple):
         """Return the samples y (4 n, nt) at some times, after one at `last` (NaN: none), in steps of at most `longest`.
 
         Intervals within a relative `tolerance` of the usual one count as equal to it: only they enter the filter, and
-        rounded times then give the same numbers as exact ones. InputError if time does not ascend, or by more than
+        rounded times then give the same numbers as exact ones. InputError if time goes back, or ascends by more than
         `longest_gap` [s] at once.
         """
         dts = time - np.concatenate([time[:1] if np.isnan(last) else [last], time[:-1]])

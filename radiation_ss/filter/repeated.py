@@ -34,7 +34,8 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     Parameters
     ----------
     task : callable
-        Takes a seed, returns named arrays of fixed shapes; must be picklable where `executor` leaves the process.
+        Takes a seed, returns named arrays of fixed shapes; must be picklable with `folder`, and where `executor` leaves
+        the process.
         `FilterStudy` is one.
     runs : int
     seed : int
@@ -57,7 +58,8 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     Raises
     ------
     InputError
-        If the folder holds another study, or its study.json is damaged. A damaged chunk is done again, with a warning.
+        If a folder is given and the task cannot be pickled, the folder holds another study, or its study.json is
+        damaged. A damaged chunk is done again, with a warning.
 
     Examples
     --------
@@ -99,8 +101,13 @@ def _chunk(task: Task, numbers: range, seed: int) -> Results:
 
 def _opened(folder: Path, task: Task, runs: int, seed: int, chunk: int) -> Path:
     """Return the folder of a study; its manifest says which, so that none is continued with another's runs."""
+    try:
+        content = pickle.dumps(task)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(f"task: cannot be pickled ({error}), which a folder needs to know its study by; make it a "
+                         "function of a module, or leave folder out") from None
     manifest = {"schema": "radiation_ss.repeat/2", "runs": runs, "seed": seed, "chunk": chunk,
-                "task": hashlib.sha256(pickle.dumps(task)).hexdigest()}
+                "task": hashlib.sha256(content).hexdigest()}
     path = made_folder(folder) / "study.json"
     if not path.exists():
         write_whole(path, json.dumps(manifest, indent=1))

@@ -216,9 +216,10 @@ def in_radians(record: Record, *names: str) -> Record:
     1.5707963267948966
     """
     record = as_record(record)
-    wanted = names or tuple(dof for dof in record.dofs if mode(dof) in ROTATIONS)
+    turns = [dof for dof in record.dofs if mode(dof) in ROTATIONS or record.units.get(dof) == "rad"]
+    wanted = names or tuple(turns)
     for dof in wanted:
-        if dof not in record.dofs or mode(dof) not in ROTATIONS:
+        if dof not in turns:
             raise InputError(f"record {record.name}: {dof!r} is none of its rotations")
     changed = {dof + suffix: np.deg2rad(record.channels[dof + suffix]) for dof in wanted
                for suffix in RATES if dof + suffix in record.channels}

@@ -109,7 +109,7 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     Raises
     ------
     InputError
-        If a sample is missing, or the record is shorter than the waves' way.
+        If a sample is missing, an argument is out of its range, or the record is shorter than the waves' way.
 
     Examples
     --------
@@ -122,6 +122,9 @@ def carry_elevation(elevation: ArrayLike, dt: float, distance: float, *, depth: 
     """
     x = read_only(elevation, "elevation", (None,))
     dt, depth = positive(dt, "dt", "s"), positive(depth, "depth", "m", or_infinite=True)
+    g = positive(g, "g", "m/s^2")
+    if not 0.0 < share < 1.0:
+        raise InputError(f"share: {share}; a share of the energy between 0 and 1 is needed, such as 0.99")
     if not np.isfinite(distance):
         raise InputError(f"distance: {distance} m; a finite number is needed")
     mean = float(x.mean())

@@ -121,7 +121,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     channel, other_channel : str
         What both see, for example "Heave" by a camera and "Heave_acceleration"; the same name if absent.
     largest : float, optional
-        Largest offset looked for [s]; half of the shorter record if absent.
+        Largest offset looked for [s]; if absent half of the shorter record beside what brings both starts together.
     least : float
         Smallest correlation, 0 to 1.
 
@@ -205,7 +205,7 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
     Raises
     ------
     InputError
-        If a channel is in both.
+        If a channel is in both, or the offset is no number.
 
     Examples
     --------
@@ -219,6 +219,8 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
     both = [name for name in other.channels if name in record.channels]
     if both:
         raise InputError(f"records {record.name} and {other.name}: both have a channel {both[0]!r}")
+    if np.ndim(offset) or not np.isfinite(offset):
+        raise InputError(f"offset: {offset!r}; one number of seconds is needed, the first that clock_offset returns")
     moved = other.time + offset
     time = np.union1d(np.round(record.time, 9), np.round(moved, 9))
     channels = {}

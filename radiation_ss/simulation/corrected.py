@@ -119,6 +119,7 @@ class Corrected(Brief):
 
     def to_nlsys(self, model: Model) -> "ct.NonlinearIOSystem":
         """Return the corrected model as ct.NonlinearIOSystem, effects as they are; see `equations.nonlinear_system`."""
+        model = as_model(model)
         return nonlinear_system(model, self.actives(model), f"{model.name}_corrected")
 
     def to_dict(self) -> dict[str, Any]:

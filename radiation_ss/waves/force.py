@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.body.convert import opened
+from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
@@ -17,7 +17,7 @@ from radiation_ss.waves.realise import Sea
 log = logging.getLogger("radiation_ss")
 
 
-@accepting(body=opened)
+@accepting(body=lambda given: given if isinstance(given, HydroData) else as_model(given))
 def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) -> FloatArray:
     """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
 
@@ -27,7 +27,7 @@ def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) 
 
     Parameters
     ----------
-    body : Model or HydroData
+    body : Model, HydroData or path
         With X.
     sea : Sea
         From `realise`.
