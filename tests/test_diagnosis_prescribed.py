@@ -41,7 +41,9 @@ ROLL = ("Roll", (1.0, 0.3, 20.0, (3.0, 16.0, 0.6)), 0.12, 4.0)
     (HEAVE, lambda x, v: 60.0 * v * np.abs(v), {"quadratic_drag": 60.0}), (HEAVE, lambda x, v: 0.0 * v, {}),
     (SWAY, lambda x, v: 80.0 * v * np.abs(v), {"quadratic_drag": 80.0}), (SWAY, lambda x, v: 0.0 * v, {}),
     (ROLL, lambda x, v: 0.06 * np.tanh(v / 0.01) + 150.0 * x**3, {"coulomb_friction": 0.06, "cubic_stiffness": 150.0}),
-    (ROLL, lambda x, v: 0.0 * v, {})])
+    (ROLL, lambda x, v: 3.0 * v**3, {"cubic_damping": 3.0}),
+    (ROLL, lambda x, v: 30.0 * x**2 * v, {"angle_damping": 30.0}),
+    (ROLL, lambda x, v: 2e4 * x**5, {"quintic_stiffness": 2e4}), (ROLL, lambda x, v: 0.0 * v, {})])
 def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(test, hidden, told):
     dof, numbers, size, middle = test
     seen = [driven(dof, numbers, size * share, middle, hidden, seed) for seed, share in ((1, 0.8), (2, 1.0))]
@@ -51,6 +53,40 @@ def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(t
         value, deviation = next(iter(effect.parameters.values()))
         assert abs(value - told[effect.name]) < max(3.0 * deviation, 0.03 * told[effect.name])
     assert found.how_far.gap_after < 0.02 and 0.003 < found.how_far.noise_floor < 0.02
+
+
+@pytest.mark.parametrize("channel, gain, told", [("Heave_force", 1.2, 1.0 / 1.2 - 1.0), ("Heave", 1.15, 0.15)])
+def test_the_gain_of_the_load_cell_and_of_the_motions_sensor_are_one_and_both_are_told(channel, gain, told):
+    """The force F of motion x is read as 1.2 F, or x as 1.15 x: either cause makes of F (1 + told) F."""
+    dof, numbers, size, middle = HEAVE
+
+    def read(seed, share):
+        record = driven(dof, numbers, share * size, middle, lambda x, v: 0.0 * v, seed)
+        return record.with_channels(**{channel: gain * record.channels[channel]})
+
+    found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
+    assert found.verdict.status == "ambiguous"
+    assert {names for names in found.verdict.indistinguishable} >= {("excitation_gain",), ("sensor_gain",)}
+    for choice in found.which[:2]:
+        value, deviation = choice.effects[0].parameters["gain"]
+        assert abs(value - told) < 3.0 * deviation < 0.06
+    assert found.how_far.gap_after < 0.3 * found.how_far.gap_before
+
+
+@pytest.mark.parametrize("late", [0.02, -0.02])
+def test_a_load_cell_that_reads_late_or_early_is_told_with_its_delay(late):
+    dof, numbers, size, middle = HEAVE
+
+    def read(seed, share):
+        record = driven(dof, numbers, share * size, middle, lambda x, v: 0.0 * v, seed)
+        count = round(late / 0.02)
+        return rss.Record(TIME[5:-5], {dof: record.channels[dof][5:-5], f"{dof}_force": np.roll(
+            record.channels[f"{dof}_force"], count)[5:-5]}, kind="prescribed", name=record.name)
+
+    found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
+    (effect,) = found.which[0].effects
+    value, deviation = effect.parameters["delay"]
+    assert effect.name in ("excitation_delay", "sensor_delay") and abs(value + late) < max(3.0 * deviation, 0.02 * 0.05)
 
 
 @pytest.mark.parametrize("drag", [0.0, 60.0])

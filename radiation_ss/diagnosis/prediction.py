@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -15,6 +16,7 @@ from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
+from radiation_ss.simulation.driven import radiation_states
 from radiation_ss.simulation.rollout import reading
 from radiation_ss.simulation.run import run
 
@@ -100,7 +102,9 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
         strengths = [name for name, p in active.effect.parameters.items() if p.strength]
         for name, found in zip(strengths, features(Symbols(model, active), active, [motion])):
             value = active.values.get(name, 0.0)
-            force = force - value * (found[0].force + model.C @ found[0].reading)
+            force = force - value * found[0].force
+            if np.any(found[0].reading):
+                force = force - value * needed_force(model, motion, found[0].reading)
     # What the motion does beyond the record's ends reaches into the acceleration by half a test function.
     size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
     edge = 0 if motion.record.kind == "static" else max(size, 1)
@@ -109,6 +113,16 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
                   (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))))
             for i in np.flatnonzero(motion.free)]
+
+
+def needed_force(model: Model, motion: MeasuredMotion, x: FloatArray) -> FloatArray:
+    """Return the force that a share x (n, nt) of a record's displacement needs, in a static test by stiffness alone."""
+    if motion.record.kind == "static":
+        return np.asarray(model.C @ x)
+    splines = [make_interp_spline(motion.time, row, k=5) for row in x]
+    v, a = (np.stack([f(motion.time, order) for f in splines]) for order in (1, 2))
+    radiation = radiation_states(model, splines, motion.time, float(motion.omega[motion.free].mean()))
+    return np.asarray((model.M + model.A_inf) @ a + model.D @ v + model.fit.c @ radiation.T + model.C @ x)
 
 
 def gap_of(errors: Sequence[Error]) -> float:

@@ -153,7 +153,7 @@ def effects() -> list[Effect]:
                summary="viscous friction, power take-off: -b v; less than 0 where the model has too much"),
         Effect("cubic_damping", {"coefficient": P("F/(X/s)^3", 1)}, lambda s, p: -p.coefficient * s.v**3, rare=True,
                summary="roll damping by Dalzell (1978): -c v^3"),
-        Effect("angle_damping", {"coefficient": P("F/(X^2 X/s)", 1)}, lambda s, p: -p.coefficient * s.x**2 * s.v,
+        Effect("angle_damping", {"coefficient": P("F/(X^3/s)", 1)}, lambda s, p: -p.coefficient * s.x**2 * s.v,
                rare=True, summary="damping that grows away from the middle: -c x^2 v, as of roll"),
         Effect("coulomb_friction",
                {"force": P("F", 1, slab=0.12), "width": onset(), "sharpness": sharpness(2.0)},

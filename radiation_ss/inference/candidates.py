@@ -111,7 +111,9 @@ def terms_of(problem: EquationError, effects: Sequence[Effect], held: int = 5_00
     Beyond `held` numbers their columns are kept in a temporary file.
     """
     found, shelf = [], Shelf(held)
-    seen = {"": True, "force": problem.forced, "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
+    driven = any(run.record.kind == "prescribed" for run in problem.runs)  # the force is measured
+    seen = {"": True, "force": problem.forced or driven,
+            "speed": len({abs(run.record.speed) for run in problem.runs}) > 1,
             "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
     still = all(run.record.kind == "static" for run in problem.runs)
     for effect in effects:

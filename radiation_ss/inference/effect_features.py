@@ -83,12 +83,21 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
         if effect.clock_in is not None and run.force is not None:
             shift, whole = symbols.clock("clock_in", rows, strength, active)
             force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
+        driving = run.force if run.driven_alone and effect.linear and effect.scope != "directed" else None
         if effect.output is not None:
-            reading[symbols.places[0]], slope = symbols.scalar("output", symbols.places[0], rows, strength, values)
-            seen[:, symbols.places[0]] += slope * (not run.prescribed)
+            place = symbols.places[0]
+            value, slope = symbols.scalar("output", place, rows, strength, values)
+            if driving is None:
+                reading[place] = value
+            else:
+                force[place] += slope.real[place] * driving[place]
+                response[:, place] += slope
+            seen[:, place] += slope * (not run.prescribed)
         if effect.clock_out is not None:
             shift, whole = symbols.clock("clock_out", rows, strength, active)
-            for place in symbols.places:  # a delay turns phases: the modulus of the Jacobian is one
+            if driving is not None:
+                force[symbols.places] += shift * secant(run.time, driving[symbols.places], whole)
+            for place in symbols.places if driving is None else ():  # its Jacobian's modulus is one: it turns phases
                 reading[place] += shift * secant(run.time, run.x[place], -whole)
         found.append(Feature(force, reading, response, seen, active.of_every_sensor))
     return found

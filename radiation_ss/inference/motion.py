@@ -91,6 +91,11 @@ class MeasuredMotion:
         """Whether the motion is given and the force is what a model predicts."""
         return self.record.kind in ("prescribed", "static")
 
+    @property
+    def driven_alone(self) -> bool:
+        """Whether a rig drives one motion: a gain or delay of its reading is one of the force, of the same size."""
+        return self.record.kind == "prescribed" and self.force is not None and np.count_nonzero(self.free) == 1
+
     @cached_property
     def omega_fine(self) -> FloatArray:
         """Frequencies at which the Jacobian of the data is taken [rad/s]: some in each bin, resonances are narrow.

@@ -47,7 +47,7 @@ def prescribed_force(model: Model, record: Record, effects: Iterable[Any] = (), 
         With the displacement of at least one degree of freedom; the others stand still. A wave_elevation exerts the
         exciting force X.
     effects : iterable
-        As in `simulate`.
+        As in `simulate`; without faults of sensors and of the load cell: what is returned is the true force of x.
     band : float
         Highest frequency of the motion that is kept, in multiples of its median one: a displacement sensor's noise
         grows with the square of frequency in the acceleration.
