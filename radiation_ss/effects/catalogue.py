@@ -104,9 +104,9 @@ def of_period(share: float) -> Callable[[Scales], float]:
     return lambda s: share * 2.0 * np.pi / s.omega
 
 
-def restoring_left(power: int) -> Callable[[Scales], float]:
-    """The softening -k x^power at which the linear restoring is used up at three times the motion's rms."""
-    return lambda s: -s.force / (s.x * (3.0 * s.x) ** (power - 1))
+def restoring_left(power: int, reach: float = 3.0) -> Callable[[Scales], float]:
+    """The softening -k x^power at which the linear restoring is used up at `reach` times the motion's rms."""
+    return lambda s: -s.force / (s.x * (reach * s.x) ** (power - 1))
 
 
 def resonances(s: Scales) -> tuple[float, ...]:
@@ -170,7 +170,7 @@ def effects() -> list[Effect]:
                linear=True, summary="lines or buoyancy that join two degrees of freedom: -k x_other on each"),
         Effect("cubic_stiffness", {"stiffness": P("F/X^3", lower=restoring_left(3))},
                lambda s, p: -p.stiffness * s.x**3, family="stiffness", summary="hardening or softening: -k x^3"),
-        Effect("quintic_stiffness", {"stiffness": P("F/X^5", lower=restoring_left(5))},
+        Effect("quintic_stiffness", {"stiffness": P("F/X^5", lower=restoring_left(5, 2.0))},
                lambda s, p: -p.stiffness * s.x**5, family="stiffness", rare=True,
                summary="a righting lever beyond the cubic term: -k x^5"),
         Effect("quadratic_stiffness", {"stiffness": P("F/X^2", lower=restoring_left(2),
