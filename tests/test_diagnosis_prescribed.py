@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter, lsim
+from scipy.signal import lfilter, lsim, savgol_filter
 
 import radiation_ss as rss
 
@@ -321,3 +321,17 @@ def test_a_static_test_without_its_force_is_refused():
     record = rss.Record(np.arange(12.0), {"Heave": x}, kind="static", name="pull")
     with pytest.raises(rss.InputError, match="pull: a static test needs the steady force"):
         rss.diagnose(model_of(*HEAVE[:1], *HEAVE[1]), record)
+
+
+def test_a_second_sensor_tells_the_gain_of_the_first_from_the_load_cells():
+    dof, numbers, size, middle = HEAVE
+
+    def read(seed, share):
+        record = driven(dof, numbers, share * size, middle, lambda x, v: 0.0 * v, seed)
+        x = record.channels[dof]
+        v = savgol_filter(x, 41, 5, deriv=1, delta=TIME[1])
+        v += 0.02 * v.std() * np.random.default_rng(seed).standard_normal(TIME.size)
+        return record.with_channels(**{dof: 1.15 * x, f"{dof}_velocity": v})
+
+    found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
+    assert "excitation_gain" not in {e.name for e in found.which[0].effects}

@@ -93,8 +93,9 @@ class MeasuredMotion:
 
     @property
     def driven_alone(self) -> bool:
-        """Whether a rig drives one motion: a gain or delay of its reading is one of the force, of the same size."""
-        return self.record.kind == "prescribed" and self.force is not None and np.count_nonzero(self.free) == 1
+        """Whether a rig drives one motion, read by one sensor: its gain or delay is one of the force, as large."""
+        alone = np.count_nonzero(self.free) == 1 and not self.sensors
+        return self.record.kind == "prescribed" and self.force is not None and alone
 
     @cached_property
     def omega_fine(self) -> FloatArray:
