@@ -183,10 +183,10 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         return "ambiguous", first, on.sets if len(on.sets) > 1 or not apart else apart
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
-    if on.moved and (on.surprising or on.rather) and len(on.sets) > 1:
+    if on.moved and ((on.surprising and len(on.sets) > 1) or on.rather):
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
         # nothing is there is no answer where that is rather not so.
-        return "ambiguous", first, on.sets
+        return "ambiguous", first, on.sets if len(on.sets) > 1 else ((), *on.sets)
     return "no_gap", within(found, found.candidates[0].keys), ()
 
 
