@@ -16,7 +16,7 @@ from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
-from radiation_ss.simulation.driven import radiation_states
+from radiation_ss.simulation.linear import radiation_states
 from radiation_ss.simulation.rollout import reading
 from radiation_ss.simulation.run import run
 
@@ -119,10 +119,10 @@ def needed_force(model: Model, motion: MeasuredMotion, x: FloatArray) -> FloatAr
     """Return the force that a share x (n, nt) of a record's displacement needs, in a static test by stiffness alone."""
     if motion.record.kind == "static":
         return np.asarray(model.C @ x)
-    splines = [make_interp_spline(motion.time, row, k=5) for row in x]
-    v, a = (np.stack([f(motion.time, order) for f in splines]) for order in (1, 2))
-    radiation = radiation_states(model, splines, motion.time, float(motion.omega[motion.free].mean()))
-    return np.asarray((model.M + model.A_inf) @ a + model.D @ v + model.fit.c @ radiation.T + model.C @ x)
+    spline = make_interp_spline(motion.time, x, k=5, axis=1)
+    v, a = (spline(motion.time, order) for order in (1, 2))
+    memory = model.fit.c @ radiation_states(model, x, motion.dt)
+    return np.asarray((model.M + model.A_inf) @ a + model.D @ v + memory + model.C @ x)
 
 
 def gap_of(errors: Sequence[Error]) -> float:

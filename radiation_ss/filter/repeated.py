@@ -35,8 +35,7 @@ def repeat(task: Task, runs: int, *, seed: int = 0, executor: Executor | None = 
     ----------
     task : callable
         Takes a seed, returns named arrays of fixed shapes; must be picklable with `folder`, and where `executor` leaves
-        the process.
-        `FilterStudy` is one.
+        the process. `FilterStudy` is one.
     runs : int
     seed : int
     executor : concurrent.futures.Executor, optional
