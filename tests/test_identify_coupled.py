@@ -7,7 +7,7 @@ import pytest
 from identify_tank import jonswap
 from test_identify_known import sway_roll
 
-from radiation_ss import HydroData, Record, identify
+from radiation_ss import HydroData, Model, Record, identify
 from radiation_ss.identification import Race, Settings, Study, motion_channels, spectral_likelihood
 from radiation_ss.inference import parametrise
 
@@ -83,3 +83,34 @@ def test_bands_hold_the_body_where_X_is_as_exact_as_stated():
             rows.append(np.mean([(f(found.K.lower) <= f(K)) & (f(K) <= f(found.K.upper)) for f in (np.real, np.imag)]))
     assert np.mean(covered[0.05]) > 0.9 and min(covered[0.05]) > 0.6
     assert np.mean(covered[0.0]) < 0.8      # an X that is taken as exact goes into the body
+
+
+@pytest.mark.parametrize("forces", [(0, 1), (0,)])
+def test_one_of_two_motions_measured_in_a_record_that_begins_under_way(data, forces):
+    """Heave and pitch about a point 1.2 m off the centre; pitch swings on for the whole record and is not measured."""
+    body = np.load(data / "bem" / "bem_wecsim_ellipsoid.npz")
+    pick, about = np.ix_([2, 4], [2, 4]), np.array([[1.0, 1.2], [0.0, 1.0]])
+    A, B, A_inf, M, C = (about.T @ part @ about for part in (
+        1000.0 * body["A"][(slice(None), *pick)], 1000.0 * body["B"][(slice(None), *pick)], 1000.0 * body["Ainf"][pick],
+        np.diag([130e3, 900e3]), np.diag([785e3, 1.5e6])))
+    hydro = HydroData(body["w"], A, B, A_inf=A_inf, dofs=("Heave", "Pitch"), M=M, C=C)
+    start, dt, duration, covered = Model.from_hydro(hydro, order=4), 0.1, 400.0, []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        w = 2.0 * np.pi / (8.0 * duration) * np.arange(1, round(8.0 * duration))
+        F, inside = np.zeros((w.size, 2), complex), (w > 0.5) & (w < 3.2)
+        F[inside] = [2e4, 3e4] * (rng.standard_normal((inside.sum(), 2)) + 1j * rng.standard_normal((inside.sum(), 2)))
+        F[:, [j for j in range(2) if j not in forces]] = 0.0
+        true = 1.1 * start.fit.frequency_response(w)
+        Z = -(w**2)[:, None, None] * (M + start.A_inf) + 1j * w[:, None, None] * true + C
+        both = np.hstack([np.linalg.solve(Z, F[:, :, None])[:, :, 0], F])
+        count = 8 * round(duration / dt)
+        y = np.fft.irfft(np.vstack([np.zeros((1, 4)), both]), count, axis=0)[:round(duration / dt)]
+        y[:, 0] += 0.01 * y[:, 0].std() * rng.standard_normal(y.shape[0])
+        channels = {"Heave": y[:, 0], "Heave_force": y[:, 2], "Pitch_force": y[:, 3]}
+        record = Record(dt * np.arange(y.shape[0]), channels, name="sea")
+        found = identify(start, record, "prediction-error", omega=AT)
+        assert not [text for text in found.warnings if "ask for" in text or "contradict" in text]
+        K = [k[:, 0, 0] for k in (found.K.lower, 1.1 * start.fit.frequency_response(AT), found.K.upper)]
+        covered += [np.mean((f(K[0]) <= f(K[1])) & (f(K[1]) <= f(K[2]))) for f in (np.real, np.imag)]
+    assert np.mean(covered) > 0.85

@@ -82,20 +82,30 @@ class MotionLikelihood:
         return force
 
     @cached_property
+    def _stiffness(self) -> FloatArray:
+        """Force that a displacement of one takes at the typical frequency, without regard to phase, (n,)."""
+        inertia = np.diag(self.model.M + self.model.A_inf)
+        return np.asarray(np.abs(np.diag(self.model.C)) + inertia * self.channels.frequency**2)
+
+    @cached_property
     def _reach(self) -> tuple[FloatArray, FloatArray]:
-        """Root mean square and twice the largest displacement of each degree of freedom, each (n,)."""
+        """Root mean square and twice the largest displacement of each degree of freedom, each (n,).
+
+        One that is not measured has the energy of the measured one that has the most.
+        """
         c = self.channels
         out = np.zeros((2, self.model.n))
         for row, size in zip(out, (c.rms, 2.0 * np.nanmax(np.abs(c.y), axis=0))):
             np.maximum.at(row, c.dof, size / c.frequency**c.derivative)
+        unseen = np.setdiff1d(np.arange(self.model.n), c.dof)
+        energy = np.max(self._stiffness * out**2, axis=1)
+        out[:, unseen] = np.sqrt(energy[:, None] / self._stiffness[unseen])
         return out[0], np.maximum(out[1], np.maximum(1e-6 * out[1].max(), 1e-12))
 
     @cached_property
     def force_scale(self) -> FloatArray:
         """Force rms; of a decay test, the restoring force of its motion."""
-        inertia = np.diag(self.model.M + self.model.A_inf)
-        stiffness = np.abs(np.diag(self.model.C)) + inertia * self.channels.frequency**2
-        return np.maximum(self.force.std(axis=0), 0.1 * stiffness * self._reach[0])
+        return np.maximum(self.force.std(axis=0), 0.1 * self._stiffness * self._reach[0])
 
     @cached_property
     def _curvature(self) -> FloatArray:
