@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 import radiation_ss as rss
@@ -187,3 +189,40 @@ def test_a_gap_that_two_effects_close_against_each_other_is_not_unknown(explaine
                       matter=True, shrinks=True, grows=False, closes=True, outside=False, plausible=True, moved=False,
                       surprising=False, explained=explained)
     assert verdict(grounds, SimpleNamespace(probabilities=lambda: [0.9]), ["Roll"]) == told
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_a_pendulum_on_video_keeps_its_softening_where_damping_is_as_likely_to_be_there_as_not(seed):
+    """55 degrees, 26 swings: without the damping that a single swing hardly shows any restoring slips out of phase."""
+    length, weight = 0.334, 0.015 * 9.81
+    swung = solve_ivp(lambda t, y: [y[1], -9.81 / length * np.sin(y[0]) - 0.0054 * abs(y[1]) * y[1] - 0.0164 * y[1]],
+                      (0.0, 30.6), [0.968, -0.37], t_eval=np.arange(917) / 30.0, rtol=1e-9, atol=1e-10)
+    noise = 0.011 * np.random.default_rng(seed).normal(size=swung.t.size)
+    bob = rss.Record(swung.t, {"Pitch": swung.y[0] + noise}, kind="decay", name="bob")
+    model = rss.body(dof="Pitch", C=weight * length, mass=0.015, gyradius=length, added_mass=0.0, damping_ratio=0.0)
+    found = rss.diagnose(model, bob)
+    assert found.verdict.status in ("effect", "ambiguous") and found.how_far.gap_after < 0.06
+    told = found.verdict.indistinguishable or [[e.name for e in found.verdict.effects]]
+    assert all("cubic_stiffness" in names for names in told)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_stiffening_mooring_is_seen_beside_a_drift_force_that_makes_most_of_the_gap(seed):
+    """Slow surge in waves: what no effect explains is a share of what the mooring holds, not of the waves' force."""
+    rng, inertia, t = np.random.default_rng(seed), 2.26e7, np.arange(0.0, 2400.0, 0.5)
+    stiffness, damping = inertia * 0.0628**2, 2.0 * 0.02 * 0.0628 * inertia
+    w = 2.0 * np.pi / 11.0 * (np.linspace(0.4, 2.5, 150) + 0.007 * rng.uniform(-1.0, 1.0, 150))
+    size = 1.25 / np.sqrt(150 / 2.0) * np.exp(-0.5 * ((w - 0.571) / 0.1) ** 2) * 2.6
+    waves = np.exp(1j * (np.outer(t, w) + rng.uniform(0.0, 2.0 * np.pi, 150))) @ size
+    force = 2.5e6 * waves.imag
+    push = CubicSpline(t, force + 3e4 * np.abs(waves) ** 2)
+    moved = solve_ivp(lambda t, y: [y[1], (push(t) - damping * y[1] - stiffness * y[0] - 120.0 * y[0] ** 3) / inertia],
+                      (0.0, t[-1]), [0.0, 0.0], t_eval=t, max_step=0.5, rtol=1e-6)
+    surge, late = moved.y[0] + 0.02 * rng.normal(size=t.size), t >= 300.0
+    sea = rss.Record(t[late], {"Surge": surge[late], "Surge_force": force[late], "wave_elevation": waves.real[late]},
+                     kind="waves", name="sea")
+    model = rss.body(dof="Surge", mass=1.4e7, added_mass=8.6e6, C=stiffness, damping_ratio=0.02)
+    found = rss.diagnose(model, sea)
+    assert {e.name for e in found.verdict.effects} == {"wave_drift", "cubic_stiffness"}
+    value, std = next(e.parameters["stiffness"] for e in found.verdict.effects if e.name == "cubic_stiffness")
+    assert abs(value - 120.0) < 3.0 * std < 60.0

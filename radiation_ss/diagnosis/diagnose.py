@@ -132,6 +132,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
                     withheld=posed(model, withhold, tolerated, rules))
     else:
         heads, tails = split(given, rules.tail)
+        notes += [f"Record {r.name} has too few places for a part that no fit sees: it is checked by what was fitted."
+                  for r, rest in zip(given, tails) if r is rest]
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
     data, notes = replace(data, contradiction=contradiction(model, problem.runs), drifts=bool(drifts)), [*notes, *said]
     if data.contradiction > rules.false_alarm:

@@ -13,6 +13,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
+from radiation_ss.inference.readings import fewest
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
@@ -46,10 +47,19 @@ class Error:
 
 
 def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
-    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them."""
-    cuts = [cut_of(record, tail) for record in records]
-    return ([r.window(-np.inf, cut) for r, cut in zip(records, cuts)],
-            [r.window(cut, np.inf) for r, cut in zip(records, cuts)])
+    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them.
+
+    Of a static test with too few places for both, each is the whole.
+    """
+    pairs = [(r.window(-np.inf, cut), r.window(cut, np.inf)) if parts_enough(r, cut) else (r, r)
+             for r, cut in ((record, cut_of(record, tail)) for record in records)]
+    return [head for head, _ in pairs], [rest for _, rest in pairs]
+
+
+def parts_enough(record: Record, cut: float) -> bool:
+    """Whether both parts of a record, before and from a time on, show a motion; all but a static test's do."""
+    late = int(np.sum(record.time >= cut))
+    return record.kind != "static" or min(late, record.time.size - late) >= fewest(record)
 
 
 def cut_of(record: Record, tail: float, swings: int = 8) -> float:

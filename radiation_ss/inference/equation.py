@@ -25,6 +25,7 @@ from radiation_ss.inference.rows import (
     bins_of,
     jacobian_weight,
     moved,
+    own_size,
     relative_gap,
     rows_of,
     spectral_groups,
@@ -215,12 +216,12 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     parts, labels = [], []
     for i, dof in enumerate(problem.model.dofs):
         scales = problem.scales[dof]
+        error = problem.gap[i] * own_size(problem.runs, problem.model, i)
         for p, q in POWERS:
             found = [polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)) for run in problem.runs]
             rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
             if rms > 0.0:
-                parts.append(columns_of(problem, found, discrepancy.coherent * problem.gap[i] * scales.force / rms,
-                                        factor=COHERENT))
+                parts.append(columns_of(problem, found, discrepancy.coherent * error / rms, factor=COHERENT))
                 labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
 
@@ -229,13 +230,14 @@ def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int, size
     """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
     scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
     share = float(np.exp(sizes.coherent))
+    error = problem.gap[i] * own_size(problem.runs, problem.model, i)
     found = [(share if factor == COHERENT else 1.0) * spread * values
              for _, values, spread, factor in record_columns(problem, run, i, scales.force, discrepancy)]
     for p, q in POWERS:
         force = polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)).force[i]
         size = np.sqrt(np.mean(force**2))
         if size > 0.0:
-            found.append(share * discrepancy.coherent * problem.gap[i] * scales.force / size * force)
+            found.append(share * discrepancy.coherent * error / size * force)
     return found
 
 

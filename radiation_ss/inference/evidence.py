@@ -222,7 +222,7 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
     if not simulable(found.problem):
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
-    leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
+    leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys) + 1}
     try:
         first = Trajectories(found.problem, best, tolerance, unexplained=True)
     except InputError:  # steps too short to be made, by numbers that the equation error has found

@@ -174,8 +174,15 @@ def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model:
         steady = projected_on(run.basis, np.ones(run.time.size), 0, p.bins).ravel()
         known = (steady @ error[p.rows]) ** 2 / (steady @ steady) if run.record.kind != "static" else 0.0
         excess += float(np.sum(error[p.rows] ** 2 - noise[p.rows]) - known)
-    own = sum(local_size(model, runs[p.record], i)[1] ** 2 * runs[p.record].time.size for p in mine)
-    return float(np.clip(np.sqrt(max(excess, 0.0) / own), 0.005, 1.0))
+    samples = sum(runs[p.record].time.size for p in mine)
+    return float(np.clip(np.sqrt(max(excess, 0.0) / samples) / own_size([runs[p.record] for p in mine], model, i),
+                         0.005, 1.0))
+
+
+def own_size(runs: Sequence[MeasuredMotion], model: Model, i: int) -> float:
+    """Return the rms of the model's own force on one motion over records, what a relative gap is a share of."""
+    squares = [local_size(model, run, i)[1] ** 2 for run in runs]
+    return float(np.sqrt(np.average(squares, weights=[run.time.size for run in runs])))
 
 
 def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:

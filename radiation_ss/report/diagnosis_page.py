@@ -262,6 +262,10 @@ def sentence(found: Diagnosis) -> str:
                 f"them {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}")
     else:
         told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
+    steady = found.budget.closed_by("offset", "")
+    if steady > max(found.rules.matters, np.sqrt(0.5) * h.gap_after):
+        told += (f"; what is left is mostly a constant, {steady:.1%} of the motion: a zero that is off, or a steady "
+                 "force")
     if far := far_off(found):
         most = max(far, key=lambda r: r.beyond)
         told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
