@@ -187,3 +187,16 @@ def test_what_all_sensors_of_a_motion_have_in_common_is_one_effect(cause, number
     parameters = found.verdict.effects[0].parameters
     assert parameters["all_sensors"] == (1.0, 0.0)
     assert abs(parameters[number][0] - size) < 4.0 * parameters[number][1] < 0.4 * size
+
+
+@pytest.mark.parametrize("gain", [0.1, 0.2])
+def test_one_of_two_sensors_that_reads_too_much_is_told_from_the_force_by_the_other(gain):
+    time, force, x, v, rng = driven(3, 0.8, 4.0)
+    a = np.gradient(v, time, edge_order=2)
+    channels = {"Heave": (1.0 + gain) * x + 0.01 * x.std() * rng.normal(size=time.size),
+                "Heave_acceleration": a + 0.01 * a.std() * rng.normal(size=time.size), "Heave_force": force}
+    found = rss.diagnose(MODEL, rss.Record(time, channels, kind="forced", name="sea"))
+    (named,) = found.verdict.effects
+    value, std = named.parameters["gain"]
+    assert named.name == "sensor_gain" and "all_sensors" not in named.parameters
+    assert abs(value - gain) < 3.0 * std and found.how_far.gap_after < 0.02

@@ -84,8 +84,8 @@ class Weighing:
         if not tries:
             return None
         trial, q, now = min(tries, key=lambda reached: reached[2].cost)
-        likely = likely_noise(trial, q, now, self.rules)
-        if log_noise(trial, q, now, likely, self.rules, errors=True) < least - self.rules.reach:
+        likely, agree = likely_noise(trial, q, now, self.rules), of_second_sensors(problem, candidate)
+        if log_noise(trial, q, now, likely, self.rules, errors=True) + agree < least - self.rules.reach:
             return None
         trial, q, now = with_sizes(trial, *(lowest(trial, q, self.fit) or (q, now)), self.rules, self.fit)
         trial, q, now = self.in_likelier_widths(trial, q, now)
@@ -93,7 +93,7 @@ class Weighing:
                for a, b in zip(trial.candidate.terms, candidate.terms)):
             candidate = self.by_equation(trial.candidate.terms, candidate.posterior.sizes)
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
-        evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules)
+        evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules) + agree
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         point = trial.parameters(q)
         prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume
@@ -155,7 +155,7 @@ class Weighing:
     def shapes(self, candidate: Candidate, term: Term) -> list[Term]:
         """Return other shapes of an effect of a set, those that promise most by the equation error."""
         others = [other for other in self.found.terms
-                  if other.key == term.key and other.active.values != (term.start or term.active).values]
+                  if other.kind == term.kind and other.active.values != (term.start or term.active).values]
         if len(others) <= self.fit.starts:
             return others
         problem, sizes = self.found.problem, replace(candidate.posterior.sizes, tolerance=0.0)
@@ -299,6 +299,19 @@ def begun(trial: Trajectories, start: Start) -> FloatArray:
     """Return the unknowns where a fit begins."""
     q = trial.start(np.array([start.numbers.get(name, value) for name, value in zip(names(trial), trial.base)]))
     return trial.inside(trial.with_records(q, start.own))
+
+
+def of_second_sensors(problem: EquationError, candidate: Candidate) -> float:
+    """Return the log probability of second sensors given the first by the equation error: simulations predict these."""
+    second = [place.rows for place in problem.places if place.order >= 0]
+    if not second:
+        return 0.0
+    columns, power = joined([problem.base, *(t.columns for t in candidate.terms)]), problem.rows.power.copy()
+    for rows in second:
+        power[rows] = 0.0
+    whole, first = (solve(rows, columns, candidate.posterior.sizes).log_evidence
+                    for rows in (problem.rows, replace(problem.rows, power=power)))
+    return float(whole - first)
 
 
 def of_each_record(problem: EquationError, candidate: Candidate) -> float:
