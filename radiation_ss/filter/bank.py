@@ -145,6 +145,7 @@ class BankRun(NamedTuple):
     information: FloatArray  # (d, d)
     gradient: FloatArray     # (d,)
     path: list[tuple[Gaussian, Gaussian, FloatArray]]  # before and after each sample, and the transition to it
+    cost: float              # twice the negative log likelihood of the samples that were learned from
 
 
 def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
@@ -174,7 +175,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
     n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan
     dts, path = np.diff(time, prepend=time[0]), []
     force, force_std, nis = np.zeros((len(dts), n)), np.zeros((len(dts), n)), np.zeros(len(dts))
-    used, information, gradient = np.zeros(len(dts), dtype=np.int64), np.zeros((d, d)), np.zeros(d)
+    used, information, gradient, cost = np.zeros(len(dts), dtype=np.int64), np.zeros((d, d)), np.zeros(d), 0.0
     F = np.eye(size)[None]
     for t, (y, dt) in enumerate(zip(samples, dts)):
         if dt > 0.0:
@@ -194,6 +195,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
                 slope = (innovation[-1] - innovation[:-1]) / tangents
                 information += np.outer(slope, slope) / s
                 gradient += slope * innovation[-1] / s
+                cost += innovation[-1] ** 2 / s + np.log(s)
             z = z + (innovation[:, None] * (gain / s))[..., None]
             P = P - np.outer(gain, gain) / s
             nis[t] += innovation[-1] ** 2 / (s + spread)
@@ -202,7 +204,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
         force[t], force_std[t] = _force(after, n)
         if keep:
             path.append((before, after, F[-1]))
-    return BankRun(force, force_std, nis, used, information, gradient, path)
+    return BankRun(force, force_std, nis, used, information, gradient, path, float(cost))
 
 
 def smoothed_force(run: BankRun) -> Band:
@@ -224,11 +226,11 @@ def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
 
 
 def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
-                passes: int = 10, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
+                passes: int = 20, halvings: int = 8, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
     """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
 
-    At most `passes` Gauss-Newton steps, tangents `near` prior standard deviations apart, ended by one of `settled`
-    posterior ones. Where the plant does not explain the record, its information counts by `information_share`.
+    At most `passes` Gauss-Newton steps, each halved until it is likelier, `halvings` times at most; tangents `near`
+    prior standard deviations apart, ended by a step of `settled` posterior ones. Where the plant does not explain the record, its information counts by `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
@@ -240,17 +242,30 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     def bank(u: FloatArray) -> Bank:
         return bank_of([plant.own(row)[0] for row in plant.theta(u)], force, scales.noise, P)
 
+    def cost(u: FloatArray, found: BankRun) -> float:
+        total = found.cost + float(u @ u)
+        return total if np.isfinite(total) and np.isfinite(found.information).all() else np.inf
+
+    def learn(u: FloatArray) -> BankRun:
+        return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
+
     u, information, moved = np.zeros(d), np.zeros((d, d)), np.inf
     known = bool(np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any())
-    for _ in range(passes if known else 0):
-        found = run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
+    found = learn(u) if known else None
+    for _ in range(passes):
+        if found is None or not np.isfinite(cost(u, found)):
+            break
         information = found.information
-        if not (np.isfinite(information).all() and np.isfinite(found.gradient).all()):
-            break
         move = np.linalg.solve(np.eye(d) + information, found.gradient - u)
-        u, moved = u + move, float(np.sqrt(move @ (np.eye(d) + information) @ move))
+        moved = float(np.sqrt(move @ (np.eye(d) + information) @ move))
         if moved < settled:
+            u = u + move
             break
+        tried = ((u + 0.5**k * move, learn(u + 0.5**k * move)) for k in range(halvings))
+        better = next(((v, run) for v, run in tried if cost(v, run) < cost(u, found)), None)
+        if better is None:
+            break
+        u, found = better
     if known and not moved < settled:
         raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
                           "medians or smaller deviations")
