@@ -77,6 +77,27 @@ def test_bemio_keeps_an_existing_file_and_its_density(fit, tmp_path):
         fit.write(path)
 
 
+def test_bemio_finds_each_body_by_its_name_in_a_file_that_is_there(tmp_path):
+    """Fits with the bodies in another order, or of one of them, go to the groups of these bodies."""
+    a, b, c = np.diag([-1.0, -2.0, -3.0]), np.eye(3)[:, :2], np.diag([4.0, 5.0, 6.0])[:2]
+    pairs = {dofs: rss.RadiationFit(dofs, a, b[:, order], c[order], 3)
+             for dofs, order in ((("Barge__Heave", "Float__Heave"), [0, 1]),
+                                 (("Float__Heave", "Barge__Heave"), [1, 0]))}
+    alone = rss.RadiationFit(("Float__Heave",), [[-2.0]], [[1.0]], [[5.0]], 1)
+    path = tmp_path / "two.h5"
+    for fit in (*pairs.values(), alone):
+        with h5py.File(path, "w") as file:
+            for k, name in enumerate(("Barge", "Float")):
+                file[f"body{k + 1}/properties/name"] = name
+        read = read_fit(fit.write(path))
+        assert read.dofs == tuple(sorted(fit.dofs))
+        order = [fit.dofs.index(dof) for dof in read.dofs]
+        np.testing.assert_allclose(read.frequency_response(OMEGA),
+                                   fit.frequency_response(OMEGA)[:, order][:, :, order], atol=1e-12)
+    with pytest.raises(InputError, match=r"two\.h5: body 'Buoy' in the fit, Barge, Float in the file"):
+        rss.RadiationFit(("Buoy__Heave",), [[-2.0]], [[1.0]], [[5.0]], 1).write(path)
+
+
 @pytest.mark.parametrize("name, states, error", [("fpso", 69, 0.147), ("tanker", 55, 0.437)])
 def test_audit_of_published_models(data, name, states, error):
     score = rss.audit(data / "bem" / f"mss_{name}.npz", mss(data, name))

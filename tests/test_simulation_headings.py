@@ -89,7 +89,8 @@ def test_a_plan_states_the_direction_of_its_waves():
 def test_what_is_identified_is_of_the_stated_direction():
     section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 25.0, 40), depth=0.45, gyradius=0.07)
     one = rss.Model.from_hydro(section.times(0.297).select("Heave"), order=3)
-    both = np.concatenate([0.2j * one.hydro.X, one.hydro.X], axis=1)
+    ahead = 0.2j * one.hydro.X * (one.hydro.omega / 5.0)[:, None, None] ** 2
+    both = np.concatenate([ahead, one.hydro.X], axis=1)
     model = one.replace(hydro=one.hydro.replace(X=both, directions=[0.0, np.pi / 2.0]))
     rng = np.random.default_rng(0)
     omega, phase = rng.uniform(3.0, 9.0, 80), rng.uniform(0.0, 2.0 * np.pi, 80)
@@ -101,6 +102,15 @@ def test_what_is_identified_is_of_the_stated_direction():
     expected = rss.identify(one, rss.Record(TIME, channels), **options)
     found = rss.identify(model, rss.Record(TIME, channels, meta={"heading": "90"}), **options)
     np.testing.assert_allclose(found.B.mean, expected.B.mean, rtol=1e-6)
+    # By the motion alone a recorded force changes neither answer nor direction.
+    options |= {"method": "spectral"}
+    force = {"Heave_force": np.cos(np.outer(TIME, omega) + phase).sum(axis=1)}
+    alone, beside, other = (
+        rss.identify(model, rss.Record(TIME, {"Heave": heave, **more}, meta={"heading": to}), **options)
+        for more, to in (({}, "90"), (force, "90"), (force, "0")))
+    assert beside.B.mean == pytest.approx(alone.B.mean) and other.B.mean != pytest.approx(alone.B.mean, rel=1e-3)
+    assert any("'prediction-error' uses them" in text for text in beside.warnings)
+
 
 
 def test_too_few_samples_are_not_another_body():

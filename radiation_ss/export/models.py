@@ -65,11 +65,16 @@ STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
 
 
 def write_bemio(fit: RadiationFit, path: Path) -> None:
-    """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects."""
+    """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects.
+
+    Of a file that is there, the groups of all its bodies; InputError if one of the fit's is none of them by name.
+    """
     import h5py
 
-    places, bodies = six_places(fit.dofs, path)
     rho = 1000.0 if fit.data is None else fit.data.rho
+    places, bodies = six_places(fit.dofs, path)
+    if path.exists():
+        places, bodies = _places_in(path, places, bodies)
     n = 6 * len(bodies)
     entries = {(at, to): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
                for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
@@ -94,6 +99,26 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
             if f"body{k + 1}/properties/name" not in file:
                 file[f"body{k + 1}/properties/name"] = name or f"body{k + 1}"
     write_whole(path, raw.getvalue())
+
+
+def _places_in(path: Path, places: Sequence[int], bodies: Sequence[str]) -> tuple[list[int], list[str]]:
+    """Return the places of a fit's degrees of freedom among the bodies of a file, and these by name."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            groups = sorted((g for g in file if g.startswith("body") and g[4:].isdigit()), key=lambda g: int(g[4:]))
+            there = [hdf5_text(file, f"{g}/properties/name") or g for g in groups]
+    except OSError:
+        raise InputError(f"{path.name}: exists and is not an HDF5 file; write to a new one") from None
+    if not there or (len(there) == len(bodies) == 1 and not bodies[0]):
+        return list(places), list(bodies)
+    for name in bodies:
+        if name not in there:
+            raise InputError(f"{path.name}: {f'body {name!r}' if name else 'a body without a name'} in the fit, "
+                             f"{', '.join(there)} in the file; write to a new file, or name the fit's degrees of "
+                             f"freedom after them ({there[0]}__Heave)")
+    return [6 * there.index(bodies[place // 6]) + place % 6 for place in places], there
 
 
 def _same_density(file: Any, rho: float, path: Path) -> None:

@@ -230,7 +230,8 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
 
     At most `passes` Gauss-Newton steps, each halved until it is likelier, `halvings` times at most; tangents `near`
-    prior standard deviations apart, ended by a step of `settled` posterior ones. Where the plant does not explain the record, its information counts by `information_share`.
+    prior standard deviations apart, ended by a step of `settled` posterior ones. Where the plant does not explain the
+    record, its information counts by `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
@@ -266,10 +267,10 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
         if better is None:
             break
         u, found = better
-    if known and not moved < settled:
+    if found and not moved < settled:
         raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
                           "medians or smaller deviations")
-    share, doubts = estimate.information_share(found.nis, found.used) if known else (1.0, ())
+    share, doubts = estimate.information_share(found.nis, found.used) if found else (1.0, ())
     information = share * information
     u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)
     root = np.linalg.cholesky(np.linalg.inv(np.eye(d) + information))

@@ -150,6 +150,10 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         raise SolverError("; ".join([str(error), *said])) from None
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
              "direction is taken for the sea" for name in untold]
+    said += [f"record {record.name}: method {method!r} takes the motion alone, and compares the force columns with the "
+             "force that it estimates; method 'prediction-error' uses them" for record in runs
+             if method in ("spectral", "joint") and record.kind != "decay"
+             and record.get("force", model.dofs) is not None]
     if float(model.fit.relative_error or 0.0) > prior:
         said.append(f"the radiation model leaves out {model.fit.relative_error:.0%} of K in its own data, more than "
                     f"the prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
@@ -177,9 +181,10 @@ def _asked(method: str, prior: float, points: Points | None, rules: Settings) ->
 
 def by_waves(model: Model, record: Record, method: str) -> bool:
     """Whether a method takes the size of the force on a record's motion from X."""
+    if method in ("spectral", "joint"):
+        return record.kind != "decay"
     unknown = record.kind != "decay" and record.get("force", model.dofs) is None
-    return unknown and (method in ("spectral", "joint")
-                        or (method == "prediction-error" and "wave_elevation" in record.channels))
+    return unknown and method == "prediction-error" and "wave_elevation" in record.channels
 
 
 def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool) -> Parametrisation:

@@ -84,6 +84,8 @@ class Weighing:
         if not tries:
             return None
         trial, q, now = min(tries, key=lambda reached: reached[2].cost)
+        if self.lost(trial, q):
+            trial, q, now = min([(trial, q, now), *self.grown(simulated)], key=lambda reached: reached[2].cost)
         likely, agree = likely_noise(trial, q, now, self.rules), of_second_sensors(problem, candidate)
         if log_noise(trial, q, now, likely, self.rules, errors=True) + agree < least - self.rules.reach:
             return None
@@ -127,6 +129,35 @@ class Weighing:
             if sum(cost < min(costs) + self.fit.alike for cost in costs) == self.fit.agreed:
                 break
         return found
+
+    def lost(self, trial: Trajectories, q: FloatArray, sure: float = 3.0, times: float = 2.0) -> bool:
+        """Whether a force that the equation error is sure of is several times as strong by trajectories, or as weak.
+
+        `sure`: standard deviations by which it differs from zero.
+        """
+        known = from_regression(self.found.problem, trial.candidate, self.stated)
+        point = dict(zip(names(trial), trial.parameters(q)))
+        for active, stds in zip(known.effects, known.effects_std):
+            for (name, value), std in zip(active.values.items(), stds):
+                own = point.get(((active.name, active.dof, active.other), name), value)
+                if active.effect.parameters[name].strength and std > 0.0 and abs(value) > sure * std \
+                        and not 1.0 / times < own / value < times:
+                    return True
+        return False
+
+    def grown(self, simulated: Trajectories) -> list[tuple[Trajectories, FloatArray, Normal]]:
+        """Return the point that is reached by way of the first part of all records, and twice as much each time.
+
+        A motion that slips by a period or more has fits in between that are as near as any around them.
+        """
+        q, most = simulated.start(), max(len(run.basis) for run in self.found.problem.runs)
+        for blocks in (1 << k for k in range(most.bit_length())):
+            reached = lowest(simulated.first_blocks(blocks), q, replace(self.fit, iterations=3))
+            if reached is None:
+                return []
+            q = reached[0]
+        reached = lowest(simulated, q, replace(self.fit, iterations=0))
+        return [(simulated, *reached)] if reached else []
 
     def simulation(self, candidate: Candidate) -> Trajectories:
         """Return the simulation of a set."""
@@ -222,7 +253,7 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
     if not simulable(found.problem):
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
-    leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys) + 1}
+    leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
     try:
         first = Trajectories(found.problem, best, tolerance, unexplained=True)
     except InputError:  # steps too short to be made, by numbers that the equation error has found
@@ -240,7 +271,8 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
     `known` takes the sets as the equation error solves them.
     """
     ranked, tried, rivals = list[Weighed](), set[Keys](), dict[Keys, list[Proposal]]()
-    while wanted := [p for p in wanted if p.candidate.keys not in tried]:
+    while wanted := ([p for p in wanted if p.candidate.keys not in tried]
+                     or [p for p in denied(ranked, known, weighing.rules) if p.candidate.keys not in tried]):
         for proposal in wanted:
             known.setdefault(proposal.candidate.keys, proposal.candidate)
             tried.add(proposal.candidate.keys)
@@ -256,6 +288,16 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
             near, rivals[best] = weighing.next_to(ranked[0], known)
             wanted = [*near, *known_next_to(ranked[0], known, weighing.rules)] or rivals[best]
     return ranked
+
+
+def denied(ranked: Sequence[Weighed], known: Mapping[Keys, Candidate], rules: SearchRules) -> list[Proposal]:
+    """Return the likeliest sets by the equation error where the best one by trajectories is far from all of them.
+
+    Without an effect that is there a fit may slip out of phase with any other, so that none looks better.
+    """
+    likely = best_first(known)
+    far = ranked and known[ranked[0].candidate.keys].log_probability < likely[0].log_probability - rules.slack
+    return [Proposal(c) for c in likely[: rules.width]] if far else []
 
 
 def known_next_to(weighed: Weighed, known: Mapping[Keys, Candidate], rules: SearchRules) -> list[Proposal]:

@@ -165,6 +165,14 @@ class Trajectories:
         found.noise = noise
         return found
 
+    def first_blocks(self, count: int) -> Trajectories:
+        """Return the same simulation with errors in the first blocks of each record alone, `count` of them."""
+        found = copy(self)
+        found.weights = {place: np.where(np.arange(w.size) < count * place.bins, w, 0.0)
+                         for place, w in self.weights.items()}
+        found.telling = {}
+        return found
+
     def squares(self, q: FloatArray, now: Normal) -> tuple[FloatArray, FloatArray]:
         """Return the sums of squares of each motion's weighted errors (n,), with what the unknowns' variance adds.
 
