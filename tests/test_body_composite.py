@@ -109,3 +109,10 @@ def test_data_of_more_motions_than_the_fit_are_refused():
     with pytest.raises(rss.InputError, match=r"fit: it is of Heave, and .* Pitch too; take data.select\(\['Heave'\]\)"):
         rss.cummins(data, heave)
     assert rss.cummins(data.select("Heave"), heave).input_labels == ["heave_force"]
+
+
+def test_two_degrees_of_freedom_are_never_one_signal():
+    pair = ("Float__Heave", "float__Heave")
+    fit = rss.RadiationFit(pair, np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    with pytest.raises(rss.InputError, match="Float__Heave and float__Heave would both be the signal 'float_heave'"):
+        rss.cummins(rss.Model(pair, np.eye(2), np.eye(2), np.eye(2), fit))

@@ -72,8 +72,12 @@ def cummins(body: Model | HydroData | Sequence[ArrayLike], fit: RadiationFit | s
 
 @lru_cache(maxsize=256)
 def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of a composite's inputs and outputs."""
+    """Return the names of a composite's inputs and outputs; InputError if two are the same."""
     stems = [signal(dof) for dof in dofs]
+    if twice := [stem for stem in stems if stems.count(stem) > 1]:
+        alike = [dof for dof in dofs if signal(dof) == twice[0]]
+        raise InputError(f"degrees of freedom {' and '.join(alike)} would both be the signal {twice[0]!r}: names have "
+                         "to differ by more than case, blanks, dots and underscores")
     return (tuple(f"{s}_force" for s in stems),
             tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
 

@@ -53,6 +53,9 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
         if share >= 0.0005:  # less would be said as 0.0 %
             args.notes.append(f"{said} and exerts no force")
             meta["left_out"] = f"{said.removeprefix(f'{model.hydro.source}: ')} and exerts no force"
+        if loose := [dof for dof, c in zip(model.dofs, np.diag(model.C)) if c == 0.0]:
+            args.notes.append(f"nothing holds {', '.join(loose)}: the start from rest leaves a steady velocity that "
+                              "grows to a drift; give the model a mooring stiffness, or leave them out (--dofs)")
     else:
         if not periods.size and args.duration is None:
             raise InputError("simulate: this model does not oscillate; give --duration")

@@ -176,7 +176,8 @@ def assemble(study: Study, method: str, omega: FloatArray, findings: Findings) -
     nominal = _nominal(study, findings.u)
     damping = {f"damping [{taken_apart(law)[1]}]": _row(values, values.mean(), 0.0, size)
                for law, (values, size) in findings.damping.items()}
-    warnings = (*findings.warnings, *warnings_of(study, findings, parameters, nominal, shares, mended))
+    said = warnings_of(study, findings, parameters, nominal, shares | {"power": power}, mended)
+    warnings = (*findings.warnings, *said)
     zero = form.K(theta, [0.0])[:, 0].real
     bands = {"A": Band.of(A_draws), "B": Band.of(K.real), "K": Band.of(K), "K_zero": Band.of(zero)}
     if findings.centre is not None:
@@ -297,10 +298,12 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
                "the records ask for a radiation kernel that gives energy to the body (passive with a probability of "
                f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error of "
                "phase, scale or A_inf")
-    data, points = float(shares["data"].mean()), float(shares["points"].mean())
+    powered = shares["power"] if shares["power"].any() else slice(None)
+    data, points = float(shares["data"][powered].mean()), float(shares["points"][powered].mean())
     if study.points is not None and points > 0.5 and data < 0.1:
         yield (f"the known points do the work: they give {100 * points:.0f} % of the precision of K on average, the "
                f"records {100 * data:.0f} %")
     if study.records and data < 0.05:
-        yield (f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average; the result is "
-               "the prior" + (" and the points" if study.points is not None else ""))
+        yield (f"the records add next to nothing: {100 * data:.1f} % of the precision of K on average where they have "
+               "power; the answer is hardly surer than the prior" + (" and the points" if study.points is not None else
+                                                                     ""))

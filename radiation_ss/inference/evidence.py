@@ -84,7 +84,7 @@ class Weighing:
         if not tries:
             return None
         trial, q, now = min(tries, key=lambda reached: reached[2].cost)
-        if self.lost(trial, q):
+        if let_go(problem) and self.lost(trial, q):
             trial, q, now = min([(trial, q, now), *self.grown(simulated)], key=lambda reached: reached[2].cost)
         likely, agree = likely_noise(trial, q, now, self.rules), of_second_sensors(problem, candidate)
         if log_noise(trial, q, now, likely, self.rules, errors=True) + agree < least - self.rules.reach:
@@ -148,7 +148,7 @@ class Weighing:
     def grown(self, simulated: Trajectories) -> list[tuple[Trajectories, FloatArray, Normal]]:
         """Return the point that is reached by way of the first part of all records, and twice as much each time.
 
-        A motion that slips by a period or more has fits in between that are as near as any around them.
+        A free motion that slips by a period or more has fits in between that are as near as any around them.
         """
         q, most = simulated.start(), max(len(run.basis) for run in self.found.problem.runs)
         for blocks in (1 << k for k in range(most.bit_length())):
@@ -239,6 +239,11 @@ class Weighing:
         return known.get(keys) or self.by_equation(terms, near.posterior.sizes)
 
 
+def let_go(problem: EquationError) -> bool:
+    """Whether all records are decays: no force keeps the motion in phase."""
+    return all(run.record.kind == "decay" for run in problem.runs)
+
+
 def simulable(problem: EquationError) -> bool:
     """Whether all records are predicted by simulation: of a known force, their motion is free."""
     return all(run.force is not None and not run.prescribed for run in problem.runs)
@@ -272,7 +277,9 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
     """
     ranked, tried, rivals = list[Weighed](), set[Keys](), dict[Keys, list[Proposal]]()
     while wanted := ([p for p in wanted if p.candidate.keys not in tried]
-                     or [p for p in denied(ranked, known, weighing.rules) if p.candidate.keys not in tried]):
+                     or [p for p in denied(weighing, ranked, known) if p.candidate.keys not in tried]):
+        if len(tried) >= weighing.fit.sets:
+            break
         for proposal in wanted:
             known.setdefault(proposal.candidate.keys, proposal.candidate)
             tried.add(proposal.candidate.keys)
@@ -290,13 +297,15 @@ def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Ca
     return ranked
 
 
-def denied(ranked: Sequence[Weighed], known: Mapping[Keys, Candidate], rules: SearchRules) -> list[Proposal]:
+def denied(weighing: Weighing, ranked: Sequence[Weighed], known: Mapping[Keys, Candidate]) -> list[Proposal]:
     """Return the likeliest sets by the equation error where the best one by trajectories is far from all of them.
 
-    Without an effect that is there a fit may slip out of phase with any other, so that none looks better.
+    Without an effect that is there a free motion may slip out of phase with any other, so that none looks better.
     """
-    likely = best_first(known)
-    far = ranked and known[ranked[0].candidate.keys].log_probability < likely[0].log_probability - rules.slack
+    likely, rules = best_first(known), weighing.rules
+    if not ranked or not let_go(weighing.found.problem):
+        return []
+    far = known[ranked[0].candidate.keys].log_probability < likely[0].log_probability - rules.slack
     return [Proposal(c) for c in likely[: rules.width]] if far else []
 
 

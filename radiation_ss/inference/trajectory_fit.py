@@ -28,6 +28,7 @@ class FitRules:
     kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
     promise: float = 1.0  # Log odds by linear theory from which a set that is not known of is weighed
     rival: float = -3.0  # The same of a set with another effect in the place of one, once no set is better
+    sets: int = 40  # Sets that are weighed at most: of records that no set explains each one is as good a start
     misfit: float = 2.0  # Factor of the errors from which simulations lack something that the equation error has
 
 
