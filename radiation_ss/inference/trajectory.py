@@ -66,7 +66,7 @@ class Trajectories:
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
-                 zero: float = 0.05, rough: float = 1e-2, most: int = 100_000, told: float = 1e-5) -> None:
+                 zero: float = 0.05, rough: float = 1e-2, most: int = 500_000, told: float = 1e-5) -> None:
         self.problem, self.candidate, self.stated = problem, candidate, tolerance
         first = self.first = from_regression(problem, candidate, tolerance)
         self.tolerance = candidate.posterior.sizes.tolerance
