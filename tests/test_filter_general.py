@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 from scipy.stats import chi2
 
 import radiation_ss as rss
@@ -116,3 +117,35 @@ def test_plants_of_named_parameters_are_given_and_bad_ones_refused():
         UncertainPlant(build, {"drag": (0.0, 0.1)})
     with pytest.raises(rss.InputError, match="none; name"):
         UncertainPlant(build, {})
+
+
+def test_truths_drawn_from_wide_priors_are_found_and_held():
+    """Truths by SciPy; full steps from the medians go round in circles for some of them."""
+    medians, inside = {"mass": 50.0, "stiffness": 800.0, "drag": 10.0}, []
+    spread = {"mass": 0.2, "stiffness": 0.2, "drag": 0.3}
+    fit = rss.RadiationFit(("Heave",), [[-3.0]], [[4.0]], [[1.0]], 1)
+    uncertain = UncertainPlant(
+        lambda p: rss.Model(("Heave",), [[p["mass"]]], [[0.0]], [[p["stiffness"]]], fit, D=[[p["drag"]]]),
+        {name: (value, spread[name]) for name, value in medians.items()})
+    fine = np.arange(0.0, 40.0, 0.00625)    # SciPy's force is linear in between
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        true = {name: value * np.exp(spread[name] * rng.standard_normal()) for name, value in medians.items()}
+        omega = rng.uniform(1.5, 7.0, 60)
+        force = 20.0 * np.cos(np.outer(fine, omega) + rng.uniform(0.0, 2.0 * np.pi, 60)).sum(axis=1)
+        m, k, d = true["mass"], true["stiffness"], true["drag"]
+        F = [[0.0, 1.0, 0.0], [-k / m, -d / m, -1.0 / m], [0.0, 4.0, -3.0]]
+        moved = lsim((F, [[0.0], [1.0 / m], [0.0]], [[1.0, 0.0, 0.0]], [[0.0]]), force, fine)[1]
+        time, force, moved = fine[::8], force[::8], moved[::8]
+        heave = moved + 0.01 * moved.std() * rng.standard_normal(time.size)
+        found = rss.DualEnKF(uncertain, seed=seed).run(rss.Record(time, {"Heave": heave, "Heave_force": force}))
+        inside += [found.parameters[name].lower <= value <= found.parameters[name].upper
+                   for name, value in true.items()]
+    assert np.mean(inside) > 0.85
+
+
+def test_options_and_parameters_that_are_not_there_are_told():
+    with pytest.raises(rss.InputError, match="points: no option of a plant with named parameters"):
+        rss.DualEnKF(plant((1.0, 1.0, 1.0)), points=[2.0])
+    with pytest.raises(rss.InputError, match="it asks for a parameter 'drag'; there are mass, stiffness"):
+        rss.DualEnKF(UncertainPlant(build, {"mass": (50.0, 0.1), "stiffness": (4000.0, 0.1)}))

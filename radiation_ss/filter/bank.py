@@ -101,7 +101,11 @@ class UncertainPlant:
                                         if square > 1e-12})
 
     def _at(self, theta: FloatArray) -> ModelLike:
-        return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
+        try:
+            return self.build(dict(zip(self.parameters, (float(v) for v in theta))))
+        except KeyError as error:
+            raise InputError(f"build: it asks for a parameter {error}; there are "
+                             f"{', '.join(self.parameters)}") from None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,7 +252,8 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
         return total if np.isfinite(total) and np.isfinite(found.information).all() else np.inf
 
     def learn(u: FloatArray) -> BankRun:
-        return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
+        with np.errstate(over="ignore", invalid="ignore"):   # a step too far may make the plant unstable
+            return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
 
     u, information, moved = np.zeros(d), np.zeros((d, d)), np.inf
     known = bool(np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any())
@@ -264,7 +269,8 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
             break
         tried = ((u + 0.5**k * move, learn(u + 0.5**k * move)) for k in range(halvings))
         better = next(((v, run) for v, run in tried if cost(v, run) < cost(u, found)), None)
-        if better is None:
+        if better is None:  # the slope leaves out that the gains move: the likeliest point is where it does not help
+            moved = 0.0
             break
         u, found = better
     if found and not moved < settled:

@@ -64,6 +64,9 @@ class DualEnKF:
     def __init__(self, plant: ModelLike, **options: object) -> None:
         self.settings = settings = settings_of(options)
         self.uncertain = plant if isinstance(plant, UncertainPlant) else None
+        if self.uncertain and (other := sorted(options.keys() - {"seed", "n_ensemble", "gate", "noise"})):
+            raise InputError(f"{other[0]}: no option of a plant with named parameters; there are seed, n_ensemble, "
+                             "gate and noise")
         self.model: Model = as_model(opened(plant))
         settings.check_noise(self.model.dofs)
         self.parts = subsystems_of(self.model.fit, settings.entries)

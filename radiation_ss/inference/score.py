@@ -138,6 +138,7 @@ def log_factors(score: Score, lower: FloatArray) -> FloatArray:
     b, P = score.slope, score.information + np.eye(score.slope.shape[1])
     inverse = np.linalg.inv(P)
     mean = np.einsum("sij,sj->si", inverse, b)
-    deviation = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+    # Of records without noise round-off may make a variance negative.
+    deviation = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 1e-300))
     within = log_ndtr((mean - lower) / deviation) - log_ndtr(-lower)
     return np.asarray(0.5 * np.sum(mean * b, axis=1) - 0.5 * np.linalg.slogdet(P)[1] + within.sum(axis=1))
