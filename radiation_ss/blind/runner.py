@@ -169,6 +169,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     unknown = sorted(set(kinds) - set(ALL))
     if unknown:
         raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
+    schedule(cases, np.random.default_rng(0), kinds, groups, bodies, mix)       # refused before anything is written
     sealed = sealed_folder(folder)
     seed = _seed_of(sealed / BEGUN, seed, {
         "cases": cases, "kinds": list(kinds), "groups": groups and list(groups), "bodies": bodies and list(bodies),

@@ -118,6 +118,12 @@ def predictable(model: Model, record: Record) -> bool:
     return record.kind != "motion-only" and exciting_force(model, record) is not None
 
 
+def curve_of(active: Active) -> str:
+    """Return "damping" or "stiffness" of an effect that is a term of such a curve: a law of motion without memory."""
+    effect = active.effect
+    return effect.family if effect.family in ("damping", "stiffness") and not (effect.states or effect.needs) else ""
+
+
 def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
             slow: Sequence[Row], below: Mapping[tuple[str, int], float]) -> tuple[Budget, dict[str, list[Error]]]:
     """Return the budget on unseen records, and the predictions given, recalibrated and corrected.
@@ -146,7 +152,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
 
     causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
     causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
-                   numbers_told(a, stds))
+                   numbers_told(a, stds), curve_of(a))
                for a, stds in zip(best.effects, best.effects_std)]
     drifts = {len(causes) + k: {at: top for at, top in below.items() if model.dofs[at[1]] == row.dof}
               for k, row in enumerate(slow)}

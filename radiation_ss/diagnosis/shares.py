@@ -1,7 +1,7 @@
 """The budget of a gap on records that no fit has seen: recalibration, each effect, offset, unexplained, noise."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import factorial
 from typing import Any
@@ -31,6 +31,8 @@ class Row:
         95 %.
     inclusion : float or None
     parameters : mapping of str to (value, standard deviation)
+    law : str
+        The curve that it is a term of: "damping" or "stiffness"; empty where it is none.
     """
 
     cause: str
@@ -39,6 +41,7 @@ class Row:
     interval: tuple[float, float]
     inclusion: float | None = None
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    law: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
@@ -96,9 +99,16 @@ class Budget(Brief):
 
     @property
     def against(self) -> float:
-        """Share of the gap's energy that several effects surely make against each other."""
-        effects = [row for row in self.rows if row.inclusion is not None]
-        return sum(max(-row.share, 0.0) for row in effects if row.interval[1] < 0.0) if len(effects) > 1 else 0.0
+        """Share of the gap's energy that several effects surely make against each other.
+
+        Terms of one curve of restoring or of damping are one law: less of the one goes with more of the other.
+        """
+        laws: dict[tuple[str, str], list[Row]] = {}
+        for row in self.rows:
+            if row.inclusion is not None:
+                laws.setdefault((row.law or row.cause, row.dof), []).append(row)
+        sure = [rows for rows in laws.values() if len(rows) > 1 or rows[0].interval[1] < 0.0]
+        return sum(max(-sum(row.share for row in rows), 0.0) for rows in sure) if len(laws) > 1 else 0.0
 
     def __str__(self) -> str:
         places = [f"{row.cause} on {row.dof}" if row.dof else row.cause for row in self.rows]
@@ -195,8 +205,8 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
     named = [*causes, *last, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
-    rows = tuple(Row(r.cause, r.dof, float(table[k].sum() / total), (float(low[k]), float(high[k])), r.inclusion,
-                     r.parameters) for k, r in enumerate(named))
+    rows = tuple(replace(r, share=float(table[k].sum() / total), interval=(float(low[k]), float(high[k])))
+                 for k, r in enumerate(named))
     by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(
         table[j, i:i2].sum() / max(start[i:i2].sum(), 1e-300)) for j, r in enumerate(named)}
         for e, i, i2 in zip(first, ends[:-1], ends[1:])}
