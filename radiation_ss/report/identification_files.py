@@ -106,8 +106,9 @@ def text(result: Identification) -> str:
     for j, dof in enumerate(result.dofs):
         for k in picks:
             values = "; ".join(f"{name} {band.mean[k, j, j]:.4g} ({band.lower[k, j, j]:.4g} to "
-                               f"{band.upper[k, j, j]:.4g}), model {result.prior[name][k, j, j]:.4g}"
-                               for name, band in (("A", result.A), ("B", result.B)))
+                               f"{band.upper[k, j, j]:.4g}) {inertia_unit(dof)}{per}, model "
+                               f"{result.prior[name][k, j, j]:.4g}"
+                               for name, per, band in (("A", "", result.A), ("B", "/s", result.B)))
             lines.append(f"  {dof} at {result.omega[k]:.3g} rad/s: {values}; {result.information['data'][k]:.0%} of it "
                          "from the data")
     rows = [f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
@@ -116,13 +117,18 @@ def text(result: Identification) -> str:
     return "\n".join([*lines, "  parameters:", *rows, *(f"warning: {said}" for said in result.warnings)])
 
 
+def inertia_unit(dof: str) -> str:
+    """Return the unit of a motion's added mass."""
+    return "kg" if motion_unit(dof) == "m" else "kg m²"
+
+
 def coefficients(result: Identification) -> "Figure":
     """Return a figure: B, A and the information shares, one row for each degree of freedom."""
     n, w = len(result.dofs), result.omega
     power = np.asarray(result.information.get("power", np.ones(w.size)), dtype=bool)
     figure, axes = style.figure(n, 3, size=(10.5, 2.7 * n + 0.3), share_x=True)
     for j, dof in enumerate(result.dofs):
-        unit = "kg" if motion_unit(dof) == "m" else "kg m²"
+        unit = inertia_unit(dof)
         for column, (name, band, text) in enumerate((("B", result.B, f"damping B [{unit}/s]"),
                                                      ("A", result.A, f"added mass A [{unit}]"))):
             ax = axes[j, column]
