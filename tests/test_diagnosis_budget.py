@@ -1,5 +1,7 @@
 """Shares of a budget: exact laws of Shapley's division."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -82,6 +84,9 @@ def test_what_two_effects_make_against_each_other():
     assert found.against == pytest.approx(1.0)
     alone = budget(rows[:1], predict, [0.0], ["Roll"], 5.0, np.random.default_rng(0))
     assert alone.against == 0.0
+    curve = budget([replace(row, law="damping") for row in rows], predict, [0.0], ["Roll"], 5.0,
+                   np.random.default_rng(0))
+    assert curve.against == 0.0     # terms of one curve
 
 
 def test_what_all_sets_have_is_said_once():

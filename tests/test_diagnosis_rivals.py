@@ -226,3 +226,21 @@ def test_a_stiffening_mooring_is_seen_beside_a_drift_force_that_makes_most_of_th
     assert {e.name for e in found.verdict.effects} == {"wave_drift", "cubic_stiffness"}
     value, std = next(e.parameters["stiffness"] for e in found.verdict.effects if e.name == "cubic_stiffness")
     assert abs(value - 120.0) < 3.0 * std < 60.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_drag_beside_a_model_with_too_much_linear_damping_is_two_numbers_of_one_curve(seed):
+    inertia, stiffness, t = 3.0, 12.0, np.arange(0.0, 60.0, 0.05)
+    records = []
+    for start in (0.4, 0.2):
+        swung = solve_ivp(lambda t, y: [y[1], (-0.06 * y[1] - 0.5 * abs(y[1]) * y[1] - stiffness * y[0]) / inertia],
+                          (0.0, t[-1]), [start, 0.0], t_eval=t, rtol=1e-9, atol=1e-12).y[0]
+        noise = 0.001 * np.random.default_rng([seed, len(records)]).normal(size=t.size)
+        records.append(rss.Record(t, {"Heave": swung + noise}, kind="decay", name=f"from {start} m"))
+    model = rss.body(dof="Heave", mass=inertia, added_mass=0.0, C=stiffness, damping_ratio=0.02)    # D = .24 N s/m
+    found = rss.diagnose(model, records)
+    assert found.verdict.status in ("effect", "ambiguous") and found.budget.against == 0.0
+    sizes = {e.name: next(iter(e.parameters.values())) for e in found.which[0].effects}
+    assert sizes.keys() == {"quadratic_drag", "linear_damping"}
+    for name, true in (("quadratic_drag", 0.5), ("linear_damping", -0.18)):
+        assert abs(sizes[name][0] - true) < 3.0 * sizes[name][1]
