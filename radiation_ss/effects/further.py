@@ -187,7 +187,7 @@ def mechanical() -> list[Effect]:
                 "stiffness": P("F/X", slab=lambda s: 0.12 * s.force / s.x, lower=lambda s: -max(s.stiffness, 0.0)),
                 "delay": P("s", 1, lambda s: 0.3 / s.omega, lambda s: (0.3 / s.omega, 1.0 / s.omega, 2.0 / s.omega),
                            lower=lambda s: 0.05 / s.omega, upper=lambda s: 3.0 / s.omega)},
-               delayed, rates=delayed_rates, states=2, linear=True, unrest=lambda s: (s.x, s.v),
+               delayed, rates=delayed_rates, states=2, linear=True, rare=True, unrest=lambda s: (s.x, s.v),
                summary="a power take-off that answers late: -(b v + k x) at t - delay (Pade 2, 2)"),
         Effect("lagged_feedback",
                {"damping": P("F/(X/s)", 1, slab=lambda s: 0.12 * s.force / s.v),
