@@ -339,3 +339,13 @@ def test_openfast_states_belong_to_motions_that_are_there(fit, tmp_path):
         owned = np.array(model.write(tmp_path / "model.ss").read_text().splitlines()[3].split()[:6], int)
         assert owned.sum() == model.states
         assert not owned[[dof not in model.dofs for dof in DOFS]].any()
+
+
+def test_the_density_goes_along_from_file_to_file(fit, tmp_path):
+    """WEC-Sim multiplies by the density of its own file: a fit of salt water stays one on its way through .json."""
+    assert fit.data.rho == 1025.0
+    with h5py.File(read_fit(fit.write(tmp_path / "fit.json")).write(tmp_path / "fit.h5")) as file:
+        assert float(file["simulation_parameters/rho"][()].item()) == 1025.0
+    again = read_fit(tmp_path / "fit.h5")
+    assert again.density == 1025.0
+    np.testing.assert_allclose(again.frequency_response(OMEGA), fit.frequency_response(OMEGA), rtol=1e-6, atol=1e-9)

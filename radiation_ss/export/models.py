@@ -1,6 +1,7 @@
 """Radiation models in the file forms of other tools: OpenFAST, BEMIO, MATLAB."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,6 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     """
     import h5py
 
-    rho = 1000.0 if fit.data is None else fit.data.rho
     places, bodies = six_places(fit.dofs, path)
     if path.exists():
         places, bodies = _places_in(path, places, bodies)
@@ -82,7 +82,7 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     # In memory, for on a disk that is full the HDF5 library ends the process.
     raw = BytesIO(path.read_bytes() if path.exists() else b"")
     with h5py.File(raw, "r+" if path.exists() else "w") as file:
-        _same_density(file, rho, path)
+        rho = _density(file, fit, path)
         for k, name in enumerate(bodies):
             A, B = np.zeros((6, n, most, most)), np.zeros((6, n, most, 1))
             C, it = np.zeros((6, n, 1, most)), np.zeros((6, n))
@@ -121,15 +121,15 @@ def _places_in(path: Path, places: Sequence[int], bodies: Sequence[str]) -> tupl
     return [6 * there.index(bodies[place // 6]) + place % 6 for place in places], there
 
 
-def _same_density(file: Any, rho: float, path: Path) -> None:
-    """Write the density, or check the one that is there."""
+def _density(file: Any, fit: RadiationFit, path: Path) -> float:
+    """Return the density of a file, put down if it is not there: the fit's, 1000 kg/m^3 if it has none."""
     if "simulation_parameters/rho" not in file:
-        file["simulation_parameters/rho"] = np.array([[rho]])
-        return
+        file["simulation_parameters/rho"] = np.array([[fit.density or 1000.0]])
     have = float(np.ravel(file["simulation_parameters/rho"][()])[0])
-    if abs(have - rho) > 1e-6 * rho:
-        raise InputError(f"{path.name}: density {have:g} kg/m^3 in the file, {rho:g} in the fit's data; "
+    if fit.density is not None and abs(have - fit.density) > 1e-6 * fit.density:
+        raise InputError(f"{path.name}: density {have:g} kg/m^3 in the file, {fit.density:g} in the fit's data; "
                          "write to a new file")
+    return have
 
 
 def read_bemio(path: Path) -> RadiationFit:
@@ -159,7 +159,8 @@ def read_bemio(path: Path) -> RadiationFit:
                 parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
                                                  rho * C[i, j].reshape(1, -1)[:, :states])
     told = {i for pair in parts for i in pair}
-    return _joined(names, parts, path.name).select([name for i, name in enumerate(names) if i in told])
+    found = _joined(names, parts, path.name).select([name for i, name in enumerate(names) if i in told])
+    return replace(found, rho=rho)
 
 
 def _joined(dofs: Sequence[str], parts: Parts, name: str) -> RadiationFit:

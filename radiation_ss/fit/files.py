@@ -74,7 +74,7 @@ def to_dict(fit: RadiationFit) -> dict[str, Any]:
             "a": fit.a.tolist(), "b": fit.b.tolist(), "c": fit.c.tolist(),
             "A_inf": None if fit.A_inf is None else fit.A_inf.tolist(),
             "at_zero": fit.at_zero, "points": list(fit.points), "blocks": [list(block) for block in fit.blocks],
-            **{name: None if np.isnan(value) else value for name, value in (
+            "rho": fit.density, **{name: None if np.isnan(value) else value for name, value in (
                 ("relative_error", fit.relative_error), ("whole_error", fit.whole_error))}}
 
 
@@ -84,7 +84,7 @@ def from_dict(content: dict[str, Any]) -> RadiationFit:
     n, A_inf = len(dofs), content.get("A_inf")
     relative, whole = (np.nan if content.get(name) is None else number(content[name], name)
                        for name in ("relative_error", "whole_error"))
-    at_zero = content.get("at_zero", "free")
+    at_zero, rho = content.get("at_zero", "free"), content.get("rho")
     return RadiationFit(
         dofs=dofs, order=whole_number(content["order"], "order"), method=text(content["method"], "method"),
         a=numbers(content["a"], "a", (states, states)), b=numbers(content["b"], "b", (states, n)),
@@ -92,4 +92,4 @@ def from_dict(content: dict[str, Any]) -> RadiationFit:
         at_zero=at_zero if at_zero in ("free", "zero") else number(at_zero, "at_zero"),
         points=tuple(number(w, "points") for w in listed(content.get("points", []), "points")),
         blocks=tuple(texts(block, "blocks") for block in listed(content.get("blocks", []), "blocks")),
-        relative_error=relative, whole_error=whole)
+        relative_error=relative, whole_error=whole, rho=None if rho is None else number(rho, "rho"))

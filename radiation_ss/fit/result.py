@@ -62,6 +62,8 @@ class RadiationFit(Shown):
         Orders that were tried for each block, where the order was chosen.
     notes : tuple of str
         Which solver did what for each block, what was changed in what was asked, and what of the data was left out.
+    rho : float, optional
+        Density [kg/m^3] of the data, where these are not there.
 
     Examples
     --------
@@ -88,6 +90,7 @@ class RadiationFit(Shown):
     suspects: tuple[Suspect, ...] = ()
     path: tuple[tuple[Trial, ...], ...] = ()
     notes: tuple[str, ...] = ()
+    rho: float | None = None
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]
@@ -96,6 +99,11 @@ class RadiationFit(Shown):
         for name in ("A_inf", "entry_error"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name), name, (n, n), finite=False))
+
+    @property
+    def density(self) -> float | None:
+        """Density [kg/m^3] of the data that were fitted; None if it is not known."""
+        return self.rho if self.data is None else self.data.rho
 
     @property
     def states(self) -> int:
@@ -167,8 +175,8 @@ class RadiationFit(Shown):
             reached = reached | ((self.a != 0.0) @ reached)
         A_inf = None if self.A_inf is None else self.A_inf[np.ix_(pick, pick)]
         return self.replace(dofs=tuple(dofs), a=self.a[np.ix_(reached, reached)], b=self.b[reached][:, pick],
-                            c=self.c[pick][:, reached], A_inf=A_inf, entry_error=None, data=None, blocks=(), path=(),
-                            suspects=())
+                            c=self.c[pick][:, reached], A_inf=A_inf, entry_error=None, data=None, rho=self.density,
+                            blocks=(), path=(), suspects=())
 
     def write(self, path: str | Path) -> Path:
         """Write the fit; the suffix says how (see `radiation_ss.fit.files.write_fit`).
