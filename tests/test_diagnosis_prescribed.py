@@ -335,3 +335,26 @@ def test_a_second_sensor_tells_the_gain_of_the_first_from_the_load_cells():
 
     found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
     assert "excitation_gain" not in {e.name for e in found.which[0].effects}
+
+
+def heeled(count, most, constant, seed):
+    """An inclining test: heel under loads of both sides, and a constant moment that is not recorded."""
+    load = np.linspace(-most, most, count)
+    heel = (load + constant) / 821.2 + np.deg2rad(0.02) * np.random.default_rng(seed).normal(size=count)
+    return rss.Record(np.arange(float(count)), {"Roll": heel, "Roll_force": load}, kind="static", name="inclining")
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6])
+def test_an_inclining_test_of_few_places_is_checked_by_what_was_fitted_and_says_so(count):
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, added_mass=19.0, damping_ratio=0.005)
+    found = rss.diagnose(model, heeled(count, 60.0, 0.0, count))
+    assert found.verdict.status == "no_gap"
+    assert any("too few places for a part that no fit sees" in text for text in found.notes)
+
+
+def test_where_a_constant_is_what_is_left_the_sentence_says_so():
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, added_mass=19.0, damping_ratio=0.005)
+    found = rss.diagnose(model, heeled(9, 180.0, 8.0, 0))
+    assert "a constant, 5." in found.sentence or {"sensor_bias", "constant_force"} & {
+        name for names in found.verdict.indistinguishable for name in names}
+    assert "constant" not in rss.diagnose(model, heeled(9, 180.0, 0.0, 0)).sentence
