@@ -6,6 +6,7 @@ bank's tangents, with the lognormal prior: .2 ms a sample.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from radiation_ss.filter.members import exact_draws
 from radiation_ss.filter.plan import start_covariance
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
+from radiation_ss.inference.laplace import Climb, Target, find_peak
 from radiation_ss.inference.scales import channels, scales_of
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.record import Record
@@ -229,13 +231,31 @@ def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
     return state.mean[rows, -1], np.sqrt(spread + np.maximum(np.diag(state.cov)[rows], 0.0))
 
 
+@dataclass(frozen=True)
+class OfPlants:
+    """log p(record | parameters) of a plant whose force is known, by a bank of neighbouring ones."""
+
+    run: Callable[[tuple[float, ...]], BankRun]
+    size: int = 0
+
+    def value(self, u: FloatArray, v: FloatArray) -> float:
+        """Return the log likelihood; -inf where the plant is unstable."""
+        return self.local(u, v)[0]
+
+    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information."""
+        found = self.run(tuple(u.tolist()))
+        there = np.isfinite(found.cost) and np.isfinite(found.information).all()
+        return -0.5 * found.cost if there else -np.inf, found.gradient, found.information
+
+
 def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
-                passes: int = 20, halvings: int = 8, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
+                passes: int = 30, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
     """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
 
-    At most `passes` Gauss-Newton steps, each halved until it is likelier, `halvings` times at most; tangents `near`
-    prior standard deviations apart, ended by a step of `settled` posterior ones. Where the plant does not explain the
-    record, its information counts by `information_share`.
+    At most `passes` damped Gauss-Newton steps, tangents `near` prior standard deviations apart, ended by one of
+    `settled` posterior ones. Where the plant does not explain the record, its information counts by
+    `information_share`.
     """
     nominal, d = plant.model(plant.start), plant.start.size
     scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
@@ -247,35 +267,21 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
     def bank(u: FloatArray) -> Bank:
         return bank_of([plant.own(row)[0] for row in plant.theta(u)], force, scales.noise, P)
 
-    def cost(u: FloatArray, found: BankRun) -> float:
-        total = found.cost + float(u @ u)
-        return total if np.isfinite(total) and np.isfinite(found.information).all() else np.inf
-
-    def learn(u: FloatArray) -> BankRun:
+    @lru_cache(maxsize=1)
+    def learned(at: tuple[float, ...]) -> BankRun:
+        u = np.array(at)
         with np.errstate(over="ignore", invalid="ignore"):   # a step too far may make the plant unstable
             return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
 
-    u, information, moved = np.zeros(d), np.zeros((d, d)), np.inf
-    known = bool(np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any())
-    found = learn(u) if known else None
-    for _ in range(passes):
-        if found is None or not np.isfinite(cost(u, found)):
-            break
-        information = found.information
-        move = np.linalg.solve(np.eye(d) + information, found.gradient - u)
-        moved = float(np.sqrt(move @ (np.eye(d) + information) @ move))
-        if moved < settled:
-            u = u + move
-            break
-        tried = ((u + 0.5**k * move, learn(u + 0.5**k * move)) for k in range(halvings))
-        better = next(((v, run) for v, run in tried if cost(v, run) < cost(u, found)), None)
-        if better is None:  # the slope leaves out that the gains move: the likeliest point is where it does not help
-            moved = 0.0
-            break
-        u, found = better
-    if found and not moved < settled:
-        raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give better "
-                          "medians or smaller deviations")
+    u, information, found = np.zeros(d), np.zeros((d, d)), None
+    if np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any():
+        target = Target(d, [OfPlants(learned)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+        try:
+            peak = find_peak(target, u, Climb(passes, settled**2))
+        except SolverError:
+            raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give "
+                              "better medians or smaller deviations") from None
+        u, information, found = peak.phi, peak.fisher - np.eye(d), learned(tuple(peak.phi.tolist()))
     share, doubts = estimate.information_share(found.nis, found.used) if found else (1.0, ())
     information = share * information
     u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)

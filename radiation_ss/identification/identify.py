@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     import control as ct
 
 
+MOTION_ONLY = ("spectral", "joint")  # methods that do not use a recorded force
+
+
 def entrywise(model: Model, prior: float) -> Parametrisation:
     """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
     parts = subsystems_of(model.fit)
@@ -152,7 +155,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
              "direction is taken for the sea" for name in untold]
     said += [f"record {record.name}: method {method!r} takes the motion alone, and compares the force columns with the "
              "force that it estimates; method 'prediction-error' uses them" for record in runs
-             if method in ("spectral", "joint") and record.kind != "decay"
+             if method in MOTION_ONLY and record.kind != "decay"
              and record.get("force", model.dofs) is not None]
     if float(model.fit.relative_error or 0.0) > prior:
         said.append(f"the radiation model leaves out {model.fit.relative_error:.0%} of K in its own data, more than "
@@ -181,7 +184,7 @@ def _asked(method: str, prior: float, points: Points | None, rules: Settings) ->
 
 def by_waves(model: Model, record: Record, method: str) -> bool:
     """Whether a method takes the size of the force on a record's motion from X."""
-    if method in ("spectral", "joint"):
+    if method in MOTION_ONLY:
         return record.kind != "decay"
     unknown = record.kind != "decay" and record.get("force", model.dofs) is None
     return unknown and method == "prediction-error" and "wave_elevation" in record.channels

@@ -128,9 +128,8 @@ class Weighing:
 
         `sure`: standard deviations by which it differs from zero.
         """
-        known = from_regression(self.found.problem, trial.candidate, self.stated)
         point = dict(zip(names(trial), trial.parameters(q)))
-        for active, stds in zip(known.effects, known.effects_std):
+        for active, stds in zip(trial.first.effects, trial.first.effects_std):
             for (name, value), std in zip(active.values.items(), stds):
                 own = point.get(((active.name, active.dof, active.other), name), value)
                 if active.effect.parameters[name].strength and std > 0.0 and abs(value) > sure * std \
