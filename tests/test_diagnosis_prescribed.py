@@ -358,3 +358,11 @@ def test_where_a_constant_is_what_is_left_the_sentence_says_so():
     assert "a constant, 5." in found.sentence or {"sensor_bias", "constant_force"} & {
         name for names in found.verdict.indistinguishable for name in names}
     assert "constant" not in rss.diagnose(model, heeled(9, 180.0, 0.0, 0)).sentence
+
+
+def test_a_constant_that_is_left_does_not_count_as_closed():
+    model = rss.body(dof="Roll", mass=993.0, GM=0.0843, gyradius=0.341, added_mass=19.0, damping_ratio=0.005)
+    how = rss.diagnose(model, heeled(9, 180.0, 8.0, 0), absent=["sensor_bias", "constant_force"]).how_far
+    left = (how.gap_after**2 - how.noise_floor**2) / (how.gap_before**2 - how.noise_floor**2)
+    assert how.shrinkage == pytest.approx(1.0 - left, abs=1e-9)
+    assert left > 0.5

@@ -276,15 +276,13 @@ def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
     if not predictions:
         return HowFar(0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0), ())
     room = ledger.before**2 - ledger.noise**2
-    # A slow force is explained, not predicted: it does not shrink the gap.
-    closed = sum(r.share for r in ledger.rows if r.cause not in ("unexplained", "noise", DRIFT))
     scale = ledger.before**2 / room if room > 0.1 * ledger.noise**2 and room > 0.0 else 0.0
-    unexplained = next(r for r in ledger.rows if r.cause == "unexplained")
-    told = 1.0 - ledger.slow - next(r for r in ledger.rows if r.cause == "noise").share
-    interval = tuple(float((told - u) * scale) for u in (unexplained.interval[1], unexplained.interval[0]))
+    # What no model predicts does not shrink the gap: a slow force and a constant of each record are explained alone.
+    told = 1.0 - sum(r.share for r in ledger.rows if r.cause in ("noise", "offset", DRIFT))
+    low, share, high = (float((told - left) * scale) for r in ledger.rows if r.cause == "unexplained"
+                        for left in (r.interval[1], r.share, r.interval[0]))
     retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
-    return HowFar(ledger.before, retuned, ledger.after, ledger.noise,
-                  float(closed * scale), (interval[0], interval[1]), ledger.unseen)
+    return HowFar(ledger.before, retuned, ledger.after, ledger.noise, share, (low, high), ledger.unseen)
 
 
 def next_record(kinds: set[str], forced: bool, status: str) -> str:
