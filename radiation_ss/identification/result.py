@@ -292,15 +292,12 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
     if mended:
         yield mended
     if findings.passive is not None and findings.passive <= rules.least_passive:
-        fit = study.model.fit
-        hint = ("; the model's K(0) is less than its fit leaves out: of a body in three dimensions it is zero, fit "
-                "with at_zero=\"zero\"") if 0.0 < fit.certificate.K_zero < (fit.relative_error or 0.0) else ""
         before = study.passive(np.random.default_rng(2).standard_normal((200, study.n_u))).mean()
         yield ("passivity is no condition of the bands: hardly any draw of the prior is passive, because the "
                "radiation model itself is close to the limit" if before <= rules.least_passive else
                "the records ask for a radiation kernel that gives energy to the body (passive with a probability of "
                f"{findings.passive:.1g}), so passivity was not made a condition of the bands; look for an error of "
-               "phase, scale or A_inf" + hint)
+               "phase, scale or A_inf")
     powered = shares["power"] if shares["power"].any() else slice(None)
     data, points = float(shares["data"][powered].mean()), float(shares["points"][powered].mean())
     if study.points is not None and points > 0.5 and data < 0.1:

@@ -19,7 +19,7 @@ class ParameterBlock:
     form "polynomial": a_1 ... a_r and b_1 ... b_r of (23), ascending powers.
     places: which numerator of theta belongs to each entry, counted from the denominator's end.
     form "sections": partial fractions (r1 s + r0)/(s^2 + c1 s + c0), `quadratic` of them, then r/(s + c).
-    zero: of sections, K(0) = 0 is kept: each entry's first numerator (r0 or r) follows from the others.
+    zero: K(0) = 0 is kept: each entry's first numerator (b_1, r0 or r) follows from the others.
     rest: what the model's order leaves out; a small term about zero, no part of the subsystem that is handed on.
     """
 
@@ -160,7 +160,8 @@ class Parametrisation:
             if not block.zero:
                 continue
             q = 2 * block.quadratic
-            a, at_zero = theta[..., block.denominator], np.r_[0:q:2, q:block.order]     # c0 of sections, c of poles
+            at_zero = np.r_[0:q:2, q:block.order] if block.form == "sections" else [0]  # c0 of sections, c of poles
+            a = theta[..., block.denominator]
             for number in range(len(block.entries)):
                 parts = theta[..., block.numerator(number)][..., at_zero] / a[..., at_zero]
                 theta[..., block.numerator(number).start] = -a[..., 0] * parts[..., 1:].sum(axis=-1)

@@ -19,14 +19,15 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     `prior`: relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first
     order). All coefficients of a block get one relative standard deviation, as large as makes that of its K so. `rest`:
     what the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
-    about zero. InputError if the fit has no states, makes no force, or is unstable.
+    about zero. A K(0) that is less than the fit leaves out is zero. InputError if the fit has no states, makes no force,
+    or is unstable.
     """
     if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
         raise InputError("fit: it has no states, or no force by them, so there is nothing to identify")
     poles, residues = _poles_and_residues(fit)
     if poles.real.max() >= 0.0:
         raise InputError("fit: it is unstable; start from a stable subsystem")
-    zero = fit.certificate.K_zero < 1e-8
+    zero = fit.certificate.K_zero < max(1e-8, fit.relative_error or 0.0)
     blocks: list[ParameterBlock] = []
     mean: list[float] = []
     std: list[float] = []
@@ -35,7 +36,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
         p = poles[list(members)]
         R = np.array([residues[list(members), j, k] for j, k in entries])
         block, values, spread, labels = _block(p, R, entries, prior, len(mean), fit.dofs)
-        if zero and block.form == "sections" and block.order - block.quadratic > 1:
+        if zero and block.order > 1:
             block = replace(block, zero=True)
             for number in range(len(entries)):
                 spread[block.numerator(number).start - len(mean)] = 0.0
@@ -48,6 +49,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
                                               len(mean))
         blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
     form = Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
+    form = replace(form, mean=form.tied(form.mean))
     return with_smooth_error(form, poles, prior)
 
 
