@@ -257,3 +257,23 @@ def test_a_moored_decay_may_last_where_the_model_does_not_restore():
     check_decays(model, [record])
     with pytest.raises(InputError, match="does not die out"):
         check_decays(model, [Record(t, {"Heave": surge, "Heave_force": 0.0 * t}, kind="decay")])
+
+
+def test_a_motion_that_only_a_numerical_coupling_drives_is_not_compared_with_the_model():
+    omega = np.linspace(0.2, 4.0, 40)
+    s = 1j * omega[:, None, None]
+    K = s / (s**2 + 1.2 * s + 1.0) * np.array([[6e5, 0.3], [0.3, 6e4]])
+    A_inf = np.diag([9e5, 5e5])
+    data = rss.HydroData(omega, A_inf + K.imag / omega[:, None, None], K.real, A_inf, dofs=("Heave", "Roll"),
+                         M=np.diag([8e5, 7e6]), C=np.diag([3e6, 5e6]))
+    model = rss.Model.from_hydro(data, order=4)
+    time, rng = np.arange(0.0, 300.0, 0.2), np.random.default_rng(0)
+    moment = 4e4 * np.convolve(rng.normal(size=time.size), np.hanning(12), "same")
+    moved = rss.simulate(model, (time, np.stack([0.0 * moment, moment])), [("linear_damping", "Roll", {
+        "coefficient": 3e5})]).outputs
+    heave = 1e3 * moved[0] + 1e-9 * rng.normal(size=time.size)  # a thousand times the model's, and nothing beside roll
+    record = rss.Record(time, {"Heave": heave, "Heave_force": 0.0 * time, "Roll": moved[1], "Roll_force": moment},
+                        kind="forced")
+    found = rss.diagnose(model, [record], effects=["linear_damping", "quadratic_drag"])
+    assert [(e.name, e.dof) for e in found.verdict.effects] == [("linear_damping", "Roll")]
+    assert {dof for _, dof in found.budget.by_record} == {"Roll"}

@@ -160,7 +160,9 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = [noise_level(problems, pair, error) for error in given]
     # A gap relative to a motion that its sensor cannot see is none.
-    seen = [k for k, (e, sd) in enumerate(zip(given, noise)) if max(float(np.var(e.measured)), e.least**2) > sd**2]
+    moving = {(run.record.name, int(i)) for each in problems for run in each.runs for i in np.flatnonzero(run.free)}
+    seen = [k for k, (e, sd) in enumerate(zip(given, noise))
+            if (e.record, e.dof) in moving and max(float(np.var(e.measured)), e.least**2) > sd**2]
     seen = seen or list(range(len(given)))
 
     def predict_seen(parts: frozenset[int]) -> list[Error]:

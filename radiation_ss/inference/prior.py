@@ -19,8 +19,8 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     `prior`: relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first
     order). All coefficients of a block get one relative standard deviation, as large as makes that of its K so. `rest`:
     what the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
-    about zero. A K(0) that is less than the fit leaves out is zero. InputError if the fit has no states, makes no force,
-    or is unstable.
+    about zero. A K(0) that is less than the fit leaves out is zero.
+    InputError if the fit has no states, makes no force, or is unstable.
     """
     if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
         raise InputError("fit: it has no states, or no force by them, so there is nothing to identify")

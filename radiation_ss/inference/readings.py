@@ -134,14 +134,19 @@ def loaded(record: Record, dof: str) -> bool:
     return load is not None and bool(np.nanstd(load) > 0.0)
 
 
-def aside(model: Model, record: Record, i: int, flat: float = 0.7) -> bool:
+def aside(model: Model, record: Record, i: int, flat: float = 0.7, coupled: float = 1e-3) -> bool:
     """Whether a motion without a load of its own does not follow the others' loads: what it shows is its sensor's.
 
-    `flat`: as in `noise_only`.
+    `flat`: as in `noise_only`. `coupled`: share of the largest motion, by kinetic energy, below which the model hardly
+    knows what its couplings make.
     """
     loads = [record.channels[f"{dof}_force"] for dof in model.dofs if loaded(record, dof)]
-    if record.kind != "static" or not loads or loaded(record, model.dofs[i]):
+    if record.kind not in ("static", "forced") or not loads or loaded(record, model.dofs[i]):
         return False
+    if record.kind == "forced":
+        moved = [np.nanstd(record.channels.get(dof, np.zeros(1))) for dof in model.dofs]
+        energetic = np.sqrt(np.diag(model.M + model.A_inf)) * moved
+        return bool(0.0 < energetic[i] < coupled * energetic.max())
     rows = np.column_stack([np.ones(record.time.size), *loads, record.channels[model.dofs[i]]])
     rows = rows[np.isfinite(rows).all(axis=1)]
     loads, motion = rows[:, :-1] / np.abs(rows[:, :-1]).max(axis=0), rows[:, -1]

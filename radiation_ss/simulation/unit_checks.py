@@ -209,18 +209,19 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> Iterator[st
                    f"more than that of gravity; {signals.units_text(dof, (column,))}")
 
 
-def against_model(model: Model, record: Record,
-                  coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
+def against_model(model: Model, record: Record, coherent: float = 0.2,
+                  coupled: float = 1e-3) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
     """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
     times as large it is where that is far off; noise, and motion of another cause, are less coherent.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
         return
-    undriven = np.finfo(float).eps ** 0.5 * np.abs(moved).max()  # what rounding alone moves
+    energetic = np.sqrt(np.diag(model.M + model.A_inf)) * np.abs(moved).max(axis=1)
     for i, dof in enumerate(model.dofs):
-        have = signals.columns_of(record, dof)
-        if not have or np.abs(moved[i]).max() <= undriven:
+        have, own = signals.columns_of(record, dof), record.channels.get(f"{dof}_force", np.zeros(1))
+        least = np.finfo(float).eps ** 0.5 if _variance(own) > 0.0 else coupled
+        if not have or energetic[i] <= least * energetic.max():
             continue
         order, column = have[0]
         omega, measured = signals.spectrum_of(record, record.channels[column])
