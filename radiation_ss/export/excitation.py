@@ -225,6 +225,6 @@ def read_excitation(path: str | Path) -> ExcitationFit:
     if n < 6 or n % 6 or [len(row) for row in rows] != [N] * N + [1] * N + [N] * n:
         raise InputError(f"{source.name}: {len(rows)} rows of numbers; {N} states need {N} rows of {N}, {N} of 1 "
                          f"and 6 of {N} for each body")
-    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
+    names = six_dofs([""] * (n // 6))
     return ExcitationFit(names, np.reshape(rows[:N], (N, N)), np.reshape(rows[N:2 * N], (N, 1)),
                          np.reshape(rows[2 * N:], (n, N)), lead, float(np.radians(angle)))

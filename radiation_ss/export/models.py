@@ -52,7 +52,7 @@ def read_openfast(path: Path) -> RadiationFit:
     if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
         raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
-    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
+    names = six_dofs([""] * (n // 6))
     b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
     keep = [k for k in range(n) if enabled[k] and (b[:, k].any() or c[k].any())]
     if not keep:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ class SectionEquations:
 
     mesh: Mesh
     targets: ComplexArray  # (nt,): The panels' nodes, then points on the water surface inside the body (the lid)
-    # By parity (True: even): single and double layer of ln r - ln r', (nt, n) each
-    rankine: dict[bool, tuple[FloatArray, FloatArray]]
+    rankine: FloatArray  # (2, 2, nt, n): Of even and odd motion, the single and the double layer of ln r - ln r'
     rules: tuple[NearRule, NearRule]  # Quadrature of the wave part near the images above the water surface
     depth: float
     depth_term: green.DepthTerm | None  # None in deep water
@@ -41,51 +40,37 @@ def prepare(section: Section, mesh: Mesh, depth: float, K_range: FloatArray, lid
         rule = panels.near_rule(mesh, targets, mirror, levels=10, nodes=10, on=mirror is panels.same)
         parts.append(panels.layers(kernel, mesh, targets, mirror, rule))
     own, other, image, other_image = (np.array(part) for part in parts)
-    even, odd = own + other - image - other_image, own - other - image + other_image
+    rankine = np.stack([own + other - image - other_image, own - other - image + other_image])
     rules = (panels.near_rule(mesh, targets, panels.above, levels=6, nodes=8),
              panels.near_rule(mesh, targets, panels.opposite, levels=6, nodes=8))
     term = None if np.isinf(depth) else green.DepthTerm.build(depth, section.draft, 0.5 * section.breadth,
                                                               float(K_range[0]))
-    return SectionEquations(mesh, targets, {True: (even[0], even[1]), False: (odd[0], odd[1])}, rules, depth, term)
+    return SectionEquations(mesh, targets, rankine, rules, depth, term)
 
 
-def layers_by_parity(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
-    """Return single and double layer of the free-surface source for even and odd motion, (nw, nt, n) each.
+def layers_by_parity(equations: SectionEquations, K: FloatArray) -> ComplexArray:
+    """Return of even and odd motion the single and the double layer of the free-surface source, (2, 2, nw, nt, n).
 
     K = [inf] gives phi = 0 on the water surface.
     """
-    terms: list[dict[bool, Any]] = [{even: [part.astype(complex)[None] for part in parts]
-                                     for even, parts in equations.rankine.items()}]
-    if np.isfinite(K).all():
-        terms.append(_wave_layers(equations, K))
-    if equations.depth_term is not None:
-        terms.append(_depth_layers(equations, K))
-    return {even: tuple(sum(parts[1:], parts[0]) for parts in zip(*(term[even] for term in terms)))
-            for even in (True, False)}
-
-
-def _wave_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
-    kernel = partial(green.wave, K[:, None, None])
-    own, other = (panels.layers(kernel, equations.mesh, equations.targets, mirror, rule)
-                  for mirror, rule in zip((panels.same, panels.across), equations.rules))
-    return {True: (own[0] + other[0], own[1] + other[1]), False: (own[0] - other[0], own[1] - other[1])}
-
-
-def _depth_layers(equations: SectionEquations, K: FloatArray) -> dict[bool, tuple[ComplexArray, ComplexArray]]:
     mesh, term = equations.mesh, equations.depth_term
-    assert term is not None
-    minus, plus, weight = (part[:, None, :] for part in term.spectrum(K))
-    found = {}
-    for even in (True, False):
-        a, c = term.factors(equations.targets, even)
-        left = weight * (minus * a + plus * c)
-        single, double = (np.matmul(left, np.swapaxes(minus * a + plus * c, 1, 2)) * mesh.weights for a, c in
-                          (term.factors(mesh.points, even), term.factors(mesh.points, even, mesh.normals)))
-        found[even] = (single, double)
+    found = equations.rankine[:, :, None].astype(complex)
+    if np.isfinite(K).all():
+        kernel = partial(green.wave, K[:, None, None])
+        own, other = (np.array(panels.layers(kernel, mesh, equations.targets, mirror, rule))
+                      for mirror, rule in zip((panels.same, panels.across), equations.rules))
+        found = found + np.stack([own + other, own - other])
+    if term is not None:
+        minus, plus, weight = term.spectrum(K)
+        for parity, even in enumerate((True, False)):
+            left = weight * term.factor(minus, plus, equations.targets, even)
+            for layer, normals in enumerate((None, mesh.normals)):
+                right = term.factor(minus, plus, mesh.points, even, normals)
+                found[parity, layer] += np.matmul(left, np.swapaxes(right, 1, 2)) * mesh.weights
     return found
 
 
-def solve(system: tuple[ComplexArray, ComplexArray], velocity: ComplexArray) -> ComplexArray:
+def solve(system: ComplexArray, velocity: ComplexArray) -> ComplexArray:
     """Return the potential on the panels for given normal velocities, (nw, n, right-hand sides).
 
     pi phi + int phi dG/dn ds = int G phi_n ds on the body; the same without pi phi at the points of the lid. Least
@@ -117,20 +102,19 @@ def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow
     systems = layers_by_parity(equations, K)
     waves = _standing_waves(mesh, wave_number(K, equations.depth), equations.depth)
     amplitude = (1j * g / omega)[:, None]
-    phase = {True: amplitude, False: -1j * amplitude}  # e^{-i k0 y} = cos - i sin
-    radiated, total, kochin = {}, {}, {}
-    for even, modes in _parities(mesh):
-        value, slope = waves[even]
-        velocity = np.concatenate([np.broadcast_to(modes, (omega.size, *modes.shape)),
-                                   (-phase[even] * slope)[..., None]], axis=2)
-        phi = solve(systems[even], velocity)
-        kochin[even] = 2.0 * (np.einsum("wn,wnr->wr", mesh.weights * value, velocity)
-                              - np.einsum("wn,wnr->wr", mesh.weights * slope, phi))
-        radiated[even], total[even] = phi[..., :-1], phi[..., -1] + phase[even] * value
-    both = [(kochin[True], sign * 1j * kochin[False]) for sign in (1.0, -1.0)]  # e^{+-i k0 y} = cos +- i sin
+    radiated, total, kochin = [], [], []
+    for modes, system, (value, slope), phase in zip(_motions(mesh), systems, waves, (amplitude, -1j * amplitude)):
+        velocity = np.concatenate([np.broadcast_to(modes, (omega.size, *modes.shape)),  # e^{-i k0 y} = cos - i sin
+                                   (-phase * slope)[..., None]], axis=2)
+        phi = solve(system, velocity)
+        kochin.append(2.0 * (np.einsum("wn,wnr->wr", mesh.weights * value, velocity)
+                             - np.einsum("wn,wnr->wr", mesh.weights * slope, phi)))
+        radiated.append(phi[..., :-1])
+        total.append(phi[..., -1] + phase * value)
+    both = [(kochin[0], sign * 1j * kochin[1]) for sign in (1.0, -1.0)]  # e^{+-i k0 y} = cos +- i sin
     n = 2.0 * mesh.modes * mesh.weights
-    exciting = np.stack([total[False] @ n[0], total[True] @ n[1], total[False] @ n[2]], axis=1)
-    return Flow(_forces(mesh, radiated), 1j * omega[:, None] * exciting,
+    exciting = np.stack([total[1] @ n[0], total[0] @ n[1], total[1] @ n[2]], axis=1)
+    return Flow(_forces(mesh, *radiated), 1j * omega[:, None] * exciting,
                 np.stack([_in_order(a[:, :-1], b[:, :-1]) for a, b in both], axis=1),
                 np.stack([a[:, -1] + b[:, -1] for a, b in both], axis=1))
 
@@ -138,14 +122,13 @@ def solve_flow(equations: SectionEquations, omega: FloatArray, g: float) -> Flow
 def infinite_frequency(equations: SectionEquations) -> FloatArray:
     """Return int phi_j n_i ds with phi = 0 on the water surface, (3, 3)."""
     systems = layers_by_parity(equations, np.array([np.inf]))
-    radiated = {even: solve(systems[even], modes.astype(complex)) for even, modes in _parities(equations.mesh)}
-    return _forces(equations.mesh, radiated)[0].real
+    radiated = (solve(system, modes.astype(complex)) for system, modes in zip(systems, _motions(equations.mesh)))
+    return _forces(equations.mesh, *radiated)[0].real
 
 
-def _parities(mesh: Mesh) -> list[tuple[bool, FloatArray]]:
-    """Return (even?, normal velocities): heave (n, 1); sway and roll (n, 2)."""
-    sway, heave, roll = mesh.modes
-    return [(True, heave[:, None]), (False, np.stack([sway, roll], axis=1))]
+def _motions(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Return normal velocities of even motion, heave (n, 1), and of odd motion, sway and roll (n, 2)."""
+    return mesh.modes[1:2].T, mesh.modes[::2].T
 
 
 def _in_order(heave: ComplexArray, lateral: ComplexArray) -> ComplexArray:
@@ -153,19 +136,19 @@ def _in_order(heave: ComplexArray, lateral: ComplexArray) -> ComplexArray:
     return np.concatenate([lateral[..., :1], heave, lateral[..., 1:]], axis=-1)
 
 
-def _forces(mesh: Mesh, radiated: dict[bool, ComplexArray]) -> ComplexArray:
+def _forces(mesh: Mesh, even: ComplexArray, odd: ComplexArray) -> ComplexArray:
     """Return int phi_j n_i ds over the whole contour, (nw, i, j); even and odd motions do not meet."""
-    forces = np.matmul(2.0 * mesh.modes * mesh.weights, _in_order(radiated[True], radiated[False]))
+    forces = np.matmul(2.0 * mesh.modes * mesh.weights, _in_order(even, odd))
     forces[:, 1, 0::2] = 0.0
     forces[:, 0::2, 1] = 0.0
     return forces
 
 
-def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> dict[bool, tuple[FloatArray, FloatArray]]:
+def _standing_waves(mesh: Mesh, k0: FloatArray, depth: float) -> list[tuple[FloatArray, FloatArray]]:
     """Return Z cos k0 y (even) and Z sin k0 y (odd) on the panels with their normal derivatives, (nw, n) each."""
     k = k0[:, None]
     y, z = mesh.points.real, mesh.points.imag
     ny, nz = mesh.normals.real, mesh.normals.imag
     Z, dZ = profile(k, depth, z)
     c, s = np.cos(k * y), np.sin(k * y)
-    return {True: (Z * c, dZ * c * nz - k * Z * s * ny), False: (Z * s, dZ * s * nz + k * Z * c * ny)}
+    return [(Z * c, dZ * c * nz - k * Z * s * ny), (Z * s, dZ * s * nz + k * Z * c * ny)]

@@ -79,20 +79,20 @@ class DepthTerm:
         k = s * np.exp(1j * angle)
         return cls(depth, k, step * k)
 
-    def factors(self, P: ComplexArray, even: bool,
-                normal: ComplexArray | None = None) -> tuple[ComplexArray, ComplexArray]:
-        """Return the parts (a, c) of U = (k - K) a + (k + K) c at the points, or of its normal derivative; (np, nk)."""
+    def factor(self, minus: ComplexArray, plus: ComplexArray, P: ComplexArray, even: bool,
+               normal: ComplexArray | None = None) -> ComplexArray:
+        """Return U at the points, or its normal derivative, (nw, np, nk); `minus`, `plus` as of `spectrum`."""
         k, y, z = self.k, P.real[:, None], P.imag[:, None]
         down, up = np.exp(-k * (self.depth + z)), np.exp(-k * (self.depth - z))
         across, slope = (np.cos(k * y), -k * np.sin(k * y)) if even else (np.sin(k * y), k * np.cos(k * y))
         if normal is None:
-            return down * across, up * across
+            return (minus * down + plus * up) * across
         ny, nz = normal.real[:, None], normal.imag[:, None]
-        return down * (slope * ny - k * across * nz), up * (slope * ny + k * across * nz)
+        return minus * (down * (slope * ny - k * across * nz)) + plus * (up * (slope * ny + k * across * nz))
 
     def spectrum(self, K: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return (k - K, k + K, weight), each (nw, nk); K = inf gives the limit of infinite frequency."""
-        K = np.asarray(K, dtype=float)[:, None]
+        """Return (k - K, k + K, weight), each (nw, 1, nk); K = inf gives the limit of infinite frequency."""
+        K = np.asarray(K, dtype=float)[:, None, None]
         image = np.exp(-2.0 * self.k * self.depth)
         with np.errstate(invalid="ignore"):
             minus, plus = self.k / K - 1.0, self.k / K + 1.0

@@ -87,9 +87,5 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
 
 def _local(x: float) -> FloatArray:
     """Return T (3, 5) from the ship's motions to sway, heave and roll of the section at x."""
-    T = np.zeros((3, 5))
-    T[0, [0, 4]] = 1.0, x
-    T[1, [1, 3]] = 1.0, -x
-    T[2, 2] = 1.0
-    return T
+    return np.array([[1.0, 0.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, -x, 0.0], [0.0, 0.0, 1.0, 0.0, 0.0]])
 
