@@ -245,9 +245,7 @@ class HydroData(Shown):
         >>> data.kernel([0.0, 1.0]).shape
         (2, 1, 1)
         """
-        from radiation_ss.hydro.transforms import kernel
-
-        return kernel(self.omega, self.B, t)
+        return later("hydro.transforms:kernel", self.omega, self.B, t)
 
     def with_A_inf(self) -> HydroData:
         """Return the data with A_inf estimated from A and B where it is missing, and a note of its uncertainty.
