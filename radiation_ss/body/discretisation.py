@@ -153,7 +153,9 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
     discrete: Matrices = cont2discrete(continuous, dt, "bilinear" if method == "tustin" else method)[:4]
     omega = np.concatenate([np.geomspace(1e-4, 0.02, 60)[:-1], np.linspace(0.02, 0.999, 900)]) * np.pi / dt
     exact = frequency_response(system.A, system.B, system.C, omega) + system.D
-    found = sampled_response(discrete, omega, dt)
+    F, G, H, J = discrete
+    resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(len(F)) - F
+    found = np.asarray(H @ np.linalg.solve(resolvent, G.astype(complex)[None]) + J, dtype=complex)
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
     if band is None:
         band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
@@ -169,13 +171,6 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
                    outputs=tuple(system.output_labels), states=tuple(system.state_labels),
                    name=f"{system.name}_sampled",
                    convolution_error=convolution_error(continuous, discrete, dt, band, seed) if stable else np.nan)
-
-
-def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexArray:
-    """Return the frequency response of a sampled system at z = e^{i w dt}, shape (nw, n_out, n_in)."""
-    a, b, c, d = system
-    resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(a.shape[0]) - a
-    return np.asarray(c @ np.linalg.solve(resolvent, b.astype(complex)[None]) + d, dtype=complex)
 
 
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:

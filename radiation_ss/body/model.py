@@ -85,7 +85,9 @@ class Model(Shown):
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
-        object.__setattr__(self, "C", without_rounding(self.C, np.diag(inertia)))
+        # What swings no faster than in 1e6 s is a mesh's integral of zero: the waterline of a submerged body.
+        least = (2.0 * np.pi / 1e6) ** 2 * np.sqrt(np.outer(np.diag(inertia), np.diag(inertia)))
+        object.__setattr__(self, "C", read_only(np.where(np.abs(self.C) < least, 0.0, self.C), "C", (n, n)))
         object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
 
     @classmethod
@@ -209,15 +211,6 @@ class Model(Shown):
         'buoy'
         """
         return replace(self, **changes)  # type: ignore[arg-type]
-
-
-def without_rounding(C: FloatArray, inertia: FloatArray, longest: float = 1e6) -> FloatArray:
-    """Return a stiffness (n, n) without what would swing inertias (n,) no faster than a period of `longest` [s].
-
-    That is rounding: a mesh's integral of what is zero, such as the waterline of a submerged body.
-    """
-    least = (2.0 * np.pi / longest) ** 2 * np.sqrt(np.outer(inertia, inertia))
-    return read_only(np.where(np.abs(C) < least, 0.0, C), "C", C.shape)
 
 
 def checked_tolerance(given: float | Mapping[str, float], names: Collection[str] = TOLERANCES, *,

@@ -29,7 +29,10 @@ def read(path: Path, **given: float) -> HydroData:
     notes: list[str] = []
     stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
     omega = _numbers(path, vessel, "freqs").ravel()
-    still = _zero_speed(path, vessel)
+    speed = _numbers(path, vessel, "velocities").ravel() if "velocities" in vessel else np.zeros(1)
+    if not (speed == 0.0).any():
+        raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
+    still = int(np.flatnonzero(speed == 0.0)[0])
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
     rows = omega.copy()
     if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():
@@ -60,16 +63,6 @@ def _scalar(path: Path, owner: Any, name: str) -> float | None:
     if value.size != 1:
         raise InputError(f"{path}: vessel.main.{name} has {value.size} values; one is needed")
     return float(value.ravel()[0])
-
-
-def _zero_speed(path: Path, vessel: Any) -> int:
-    """Return the index of zero speed among vessel.velocities."""
-    if "velocities" not in vessel:
-        return 0
-    speed = _numbers(path, vessel, "velocities").ravel()
-    if not (speed == 0.0).any():
-        raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
-    return int(np.flatnonzero(speed == 0.0)[0])
 
 
 def _matrices(path: Path, vessel: Any, name: str, frequencies: int | None, still: int) -> FloatArray:
