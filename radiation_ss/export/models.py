@@ -79,6 +79,8 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     n = 6 * len(bodies)
     entries = {(at, to): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
                for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
+    if not entries:
+        raise InputError(f"{path.name}: a model without radiation has no states to write; this form needs one at least")
     most = max(part[0].shape[0] for part in entries.values())
     # In memory, for on a disk that is full the HDF5 library ends the process.
     raw = BytesIO(path.read_bytes() if path.exists() else b"")
