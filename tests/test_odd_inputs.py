@@ -50,6 +50,31 @@ def test_several_records_where_one_is_needed_and_tests_without_names_are_refused
         rss.plan_tests(tank_model(), tests={"a": 1})
 
 
+SECTION = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 12)).select("Heave")
+
+
+@pytest.mark.parametrize("work, words", [
+    (lambda: SECTION.replace(reference_point=(1.0, 2.0)), r"reference_point .*shape \(2,\) found"),
+    (lambda: SECTION.replace(reference_point=(1.0, 2.0, "x")), "reference_point .*not an array"),
+    (lambda: tank_model().at((0.0, 0.0), origin=(0.0, 0.0, 0.0)), r"reference_point .*shape \(2,\) found"),
+    (lambda: tank_model().attached(stiffness="stiff"), "stiffness: not an array"),
+    (lambda: SECTION.kernel([]), "times must be finite"), (lambda: SECTION.kernel(["x"]), "t: not an array"),
+    (lambda: SECTION.kernel([[1.0]]), r"t: shape \(1, 1\) found"),
+    (lambda: rss.encounter_frequency(1.0, 3.0, depth=-10.0), "depth: must be positive, or inf"),
+    (lambda: rss.wave_frequencies(0.2, 8.0, 0.0, depth=np.nan), "depth: must be positive, or inf"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25).elevation_at(1.0, depth=0.0), "depth: must be positive"),
+    (lambda: rss.sampled(tank_model(), 0.1, band=-1.0), "band: must be positive"),
+    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=2.5), "states: 2.5 found"),
+    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=4, lead=np.nan), "lead .*not finite")])
+def test_numbers_that_make_no_sense_are_refused(work, words):
+    with pytest.raises(rss.InputError, match=words):
+        work()
+
+
+def test_one_name_of_a_body_without_memory_is_one_name():
+    assert rss.rigid_body(([[2.0]], [[8.0]], [[0.0]]), "Heave").input_labels == ["heave_force"]
+
+
 @pytest.mark.parametrize("time, heave, words", [
     (np.array(["2024-01-01", "2024-01-02"], "datetime64[s]"), [1.0, 2.0], "dates or times"),
     (np.array([0, 1], "timedelta64[s]"), [1.0, 2.0], "dates or times"),

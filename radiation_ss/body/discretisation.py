@@ -157,8 +157,8 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
     resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(len(F)) - F
     found = np.asarray(H @ np.linalg.solve(resolvent, G.astype(complex)[None]) + J, dtype=complex)
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
-    if band is None:
-        band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
+    usual = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
+    band = usual if band is None else positive(band, "band", "rad/s")
     rows = None     # outputs whose product with the inputs is power; none where they do not pair up
     if isinstance(plant, Model):
         rows = slice(plant.n, 2 * plant.n)

@@ -177,7 +177,9 @@ class Model(Shown):
             if self.hydro is None:
                 raise InputError("origin: the model has no data that name its reference point; give it")
             origin = self.hydro.reference_point
-        T = velocity_transform(self.dofs, np.asarray(origin, dtype=float) - np.asarray(reference_point, dtype=float))
+        old, new = (read_only(point, f"{name} (x, y, z) [m]", (3,), finite=False) for name, point in
+                    (("origin", origin), ("reference_point", reference_point)))
+        T = velocity_transform(self.dofs, old - new)
         moved = {name: T.T @ getattr(self, name) @ T for name in ("M", "A_inf", "C", "D")}
         hydro = None if self.hydro is None else self.hydro.at(reference_point)
         A_inf = None if self.fit.A_inf is None else T.T @ self.fit.A_inf @ T
@@ -249,4 +251,4 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
         if unknown:
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag(read_only([value.get(dof, 0.0) for dof in dofs], label, (n,)))
-    return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
+    return read_only(np.atleast_2d(value), label, (n, n))
