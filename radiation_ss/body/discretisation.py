@@ -201,7 +201,7 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
 
     a, b, c, d = continuous
     n_in = d.shape[1]
-    slowest = float(np.min(-np.linalg.eigvals(a).real)) if a.size else 1.0 / dt
+    slowest = float(np.min(-np.linalg.eigvals(a).real))
     steps = int(np.clip(6.0 / (slowest * dt), 200, LONGEST))
     rng = np.random.default_rng(seed)
     w, size = rng.uniform(0.0, band, (n_in, 40, 1)), rng.standard_normal((n_in, 40, 1))
