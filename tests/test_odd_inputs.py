@@ -8,6 +8,7 @@ import pytest
 from plant_bodies import tank_model
 
 import radiation_ss as rss
+from radiation_ss.hydro import strip_theory
 
 CASES = odd_inputs.cases()
 
@@ -65,14 +66,24 @@ SECTION = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0,
     (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25).elevation_at(1.0, depth=0.0), "depth: must be positive"),
     (lambda: rss.sampled(tank_model(), 0.1, band=-1.0), "band: must be positive"),
     (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=2.5), "states: 2.5 found"),
-    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=4, lead=np.nan), "lead .*not finite")])
+    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=4, lead=np.nan), "lead .*not finite"),
+    (lambda: rss.sampled(tank_model(), 0.1, seed=-1), "seed: -1"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25, directions=[np.nan]), "directions .*not finite"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25, directions=[0.0, 1.0], spreading=[np.nan, 1.0]),
+     "spreading: .*not finite"),
+    (lambda: rss.as_model(("a", "b", "c"), tank_model().fit), "M: not an array"),
+    (lambda: rss.read_hydro(".", format="wamit"), "a folder; one of the files of the run"),
+    (lambda: strip_theory([(0.0, rss.lewis_section(1.0, 0.5, 0.9)), (1.0, None)], [1.0, 2.0], gyradii=(1.0, 2.0)),
+     r"gyradii .*shape \(2,\) found")])
 def test_numbers_that_make_no_sense_are_refused(work, words):
     with pytest.raises(rss.InputError, match=words):
         work()
 
 
-def test_one_name_of_a_body_without_memory_is_one_name():
+def test_one_name_is_one_name(tmp_path):
     assert rss.rigid_body(([[2.0]], [[8.0]], [[0.0]]), "Heave").input_labels == ["heave_force"]
+    tank_model().write(tmp_path / "tank.nc")
+    assert rss.read_model(tmp_path / "tank.nc", dofs="Heave").dofs == ("Heave",)
 
 
 @pytest.mark.parametrize("time, heave, words", [

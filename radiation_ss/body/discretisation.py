@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray, positive
+from radiation_ss.arrays import ComplexArray, FloatArray, generator, positive
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import Matrices
@@ -203,7 +203,7 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
     n_in = d.shape[1]
     slowest = float(np.min(-np.linalg.eigvals(a).real))
     steps = int(np.clip(6.0 / (slowest * dt), 200, LONGEST))
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     w, size = rng.uniform(0.0, band, (n_in, 40, 1)), rng.standard_normal((n_in, 40, 1))
     fine = dt / FINE * np.arange(steps * FINE + 1)
     u = np.sum(size * np.sin(w * fine), axis=1)

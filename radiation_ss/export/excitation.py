@@ -161,15 +161,14 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
     at = np.linspace(omega[0], omega[-1], states // 2)
     poles = -0.05 * at + 1j * at
     real = np.full(states % 2, -omega[-1])
-    for left in reversed(range(passes + 1)):
+    for _ in range(passes):
         a, b = _modal(poles, real)
         basis = frequency_response(a, b, np.eye(states), omega)[:, :, 0]
-        if not left:
-            break
         rows = []
         for y in Y.T:
             # c basis - y d basis = y: the part of the rows that c cannot reach tells d.
-            right, q = _real(np.c_[-y[:, None] * basis, y]), np.linalg.qr(_real(basis))[0]
+            left, right = _real(basis), _real(np.c_[-y[:, None] * basis, y])
+            q = np.linalg.qr(left)[0]
             rows.append(right - q @ (q.T @ right))
         stacked = np.vstack(rows)
         d = least_squares(stacked[:, :-1], stacked[:, -1])
@@ -177,6 +176,8 @@ def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
         roots = -np.abs(roots.real) - 1e-6 * omega[-1] + 1j * roots.imag
         poles, real = (roots[roots.imag > 1e-9 * omega[-1]],
                        np.sort(roots[np.abs(roots.imag) <= 1e-9 * omega[-1]].real))
+    a, b = _modal(poles, real)
+    basis = frequency_response(a, b, np.eye(states), omega)[:, :, 0]
     return a, b, np.stack([least_squares(basis, y) for y in Y.T])
 
 

@@ -24,6 +24,8 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     The files .1, .2, .3, .hst of one stem are read together; an .out beside them gives gravity, length scale, depth and
     body axes. An .out is read alone; its phases are whole degrees.
     """
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; one of the files of the run is needed")
     if path.suffix.lower() in (".out", ".wamit"):
         return _dimensional(path, *wamit_out.parse_out(path), length, "period", given)
     main, *others = (_sibling(path, suffix) for suffix in (".1", ".3", ".2", ".hst", ".out"))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import positive
+from radiation_ss.arrays import positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.clean import rigid_inertia, velocity_transform
 from radiation_ss.hydro.data import HydroData
@@ -77,7 +77,7 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
     x_B = sum((b - a) / 6.0 * (p * a + (p + q) * (a + b) + q * b) for a, b, p, q in zip(x, x[1:], areas, areas[1:]))
     M = None
     if gyradii is not None:
-        squares = np.diag([positive(k, "gyradii", "m") ** 2 for k in gyradii])
+        squares = np.diag([positive(k, "gyradii", "m") ** 2 for k in read_only(gyradii, "gyradii [m]", (3,))])
         M = first.rho * volume * rigid_inertia(1.0, squares, np.array([x_B / volume, 0.0, centre_of_gravity]))[1:, 1:]
     return HydroData(omega=first.omega, A=along("A"), B=along("B"), A_inf=along("A_inf"), C=C, M=M, X=along("X"),
                      dofs=DOFS, rho=first.rho, g=first.g, depth=first.depth, directions=first.directions,
