@@ -34,7 +34,17 @@ NAMES = {"rho": "rho", "g": "g", "depth": "water_depth"}
 
 def read(path: Path, **given: float) -> HydroData:
     """Read a file of Capytaine's form; see `from_dataset`."""
-    return from_dataset(_open(path), path, **given)
+    import xarray as xr
+
+    def whole() -> xr.Dataset:
+        content = path.read_bytes()
+        if content.startswith(b"\x89HDF"):
+            check_size(path)
+        # From memory: xarray would keep a damaged file open, and locked.
+        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
+            return opened.load()
+
+    return from_dataset(decoded(path, "netCDF dataset", whole), path, **given)
 
 
 def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
@@ -82,20 +92,6 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     point, more = _reference_point(path, data, dofs)
     return assemble(path, np.asarray(data["omega"].values, float), A, B, dofs, reference_point=point,
                     notes=notes + more, **constants, **fields)
-
-
-def _open(path: Path) -> xr.Dataset:
-    import xarray as xr
-
-    def whole() -> xr.Dataset:
-        content = path.read_bytes()
-        if content.startswith(b"\x89HDF"):
-            check_size(path)
-        # From memory: xarray would keep a damaged file open, and locked.
-        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
-            return opened.load()
-
-    return decoded(path, "netCDF dataset", whole)
 
 
 def _merge_complex(path: Path | str, data: xr.Dataset) -> xr.Dataset:

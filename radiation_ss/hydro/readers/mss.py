@@ -44,7 +44,12 @@ def read(path: Path, **given: float) -> HydroData:
     if "Bv" in vessel:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
-    point = _reference(path, vessel, main, notes)
+    point = (0.0, 0.0, 0.0)
+    if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
+        x, y, z = _numbers(path, main, "CG").ravel()[:3]
+        point = (float(x), -float(y), -float(z))
+    else:
+        notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")
     return assemble(path, rows, _turned(A), _turned(B), RIGID, reference_point=point, notes=notes,
                     **stated, **fields, **forces)
 
@@ -102,12 +107,3 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
         X[known, :, i] = (MSS_AXES[i] * a * np.exp(1j * p))[row[known]]
     notes.append(f"{path}: forceRAO phases taken as leads over the wave (as MSS has them from WAMIT)")
     return {"X": X, "directions": -heading}
-
-
-def _reference(path: Path, vessel: Any, main: Any, notes: list[str]) -> tuple[float, float, float]:
-    """Return the point of the rotations: the origin CO on the waterline, or the centre of gravity where it says so."""
-    if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
-        x, y, z = _numbers(path, main, "CG").ravel()[:3]
-        return float(x), -float(y), -float(z)
-    notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")
-    return (0.0, 0.0, 0.0)
