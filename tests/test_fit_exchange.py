@@ -57,6 +57,12 @@ def test_two_bodies_keep_their_places(tmp_path):
     assert_allclose(bemio.frequency_response([1.0])[0], K, rtol=1e-9)
 
 
+def test_a_model_without_radiation_has_no_place_in_bemios_form(tmp_path):
+    with pytest.raises(InputError, match=r"none\.h5: a model without radiation has no states to write"):
+        rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0).fit.write(tmp_path / "none.h5")
+    assert not list(tmp_path.iterdir())
+
+
 def test_openfast_header(fit, tmp_path):
     lines = fit.write(tmp_path / "model.ss").read_text().splitlines()
     assert lines[1].split("%")[0].split() == ["1"] * 6

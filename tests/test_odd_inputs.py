@@ -8,6 +8,7 @@ import pytest
 from plant_bodies import tank_model
 
 import radiation_ss as rss
+from radiation_ss.hydro import strip_theory
 
 CASES = odd_inputs.cases()
 
@@ -48,6 +49,41 @@ def test_several_records_where_one_is_needed_and_tests_without_names_are_refused
             rss.plan_tests(tank_model(), tests=tests)
     with pytest.raises(rss.InputError, match="int found"):
         rss.plan_tests(tank_model(), tests={"a": 1})
+
+
+SECTION = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), np.linspace(0.3, 8.0, 12)).select("Heave")
+
+
+@pytest.mark.parametrize("work, words", [
+    (lambda: SECTION.replace(reference_point=(1.0, 2.0)), r"reference_point .*shape \(2,\) found"),
+    (lambda: SECTION.replace(reference_point=(1.0, 2.0, "x")), "reference_point .*not an array"),
+    (lambda: tank_model().at((0.0, 0.0), origin=(0.0, 0.0, 0.0)), r"reference_point .*shape \(2,\) found"),
+    (lambda: tank_model().attached(stiffness="stiff"), "stiffness: not an array"),
+    (lambda: SECTION.kernel([]), "times must be finite"), (lambda: SECTION.kernel(["x"]), "t: not an array"),
+    (lambda: SECTION.kernel([[1.0]]), r"t: shape \(1, 1\) found"),
+    (lambda: rss.encounter_frequency(1.0, 3.0, depth=-10.0), "depth: must be positive, or inf"),
+    (lambda: rss.wave_frequencies(0.2, 8.0, 0.0, depth=np.nan), "depth: must be positive, or inf"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25).elevation_at(1.0, depth=0.0), "depth: must be positive"),
+    (lambda: rss.sampled(tank_model(), 0.1, band=-1.0), "band: must be positive"),
+    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=2.5), "states: 2.5 found"),
+    (lambda: rss.fit_excitation(SECTION, np.pi / 2, states=4, lead=np.nan), "lead .*not finite"),
+    (lambda: rss.sampled(tank_model(), 0.1, seed=-1), "seed: -1"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25, directions=[np.nan]), "directions .*not finite"),
+    (lambda: rss.realise(rss.jonswap(2.0, tp=8.0), 60.0, 0.25, directions=[0.0, 1.0], spreading=[np.nan, 1.0]),
+     "spreading: .*not finite"),
+    (lambda: rss.as_model(("a", "b", "c"), tank_model().fit), "M: not an array"),
+    (lambda: rss.read_hydro(".", format="wamit"), "a folder; one of the files of the run"),
+    (lambda: strip_theory([(0.0, rss.lewis_section(1.0, 0.5, 0.9)), (1.0, None)], [1.0, 2.0], gyradii=(1.0, 2.0)),
+     r"gyradii .*shape \(2,\) found")])
+def test_numbers_that_make_no_sense_are_refused(work, words):
+    with pytest.raises(rss.InputError, match=words):
+        work()
+
+
+def test_one_name_is_one_name(tmp_path):
+    assert rss.rigid_body(([[2.0]], [[8.0]], [[0.0]]), "Heave").input_labels == ["heave_force"]
+    tank_model().write(tmp_path / "tank.nc")
+    assert rss.read_model(tmp_path / "tank.nc", dofs="Heave").dofs == ("Heave",)
 
 
 @pytest.mark.parametrize("time, heave, words", [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
@@ -123,7 +123,7 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
             raise InputError("dofs: missing; name the degrees of freedom of (M, C, A_inf)")
     else:
         body = body if isinstance(body, HydroData) else as_model(body)
-        if dofs is not None and tuple(dofs) != tuple(body.dofs):
+        if dofs is not None and tuple(listed(dofs)) != tuple(body.dofs):
             raise InputError(f"dofs: {list(dofs)}; the body's are {list(body.dofs)}; leave dofs out, or select them "
                              "from the data first")
         dofs = body.dofs
@@ -132,5 +132,6 @@ def rigid_body(body: Model | HydroData | Sequence[ArrayLike], dofs: Sequence[str
 
 def no_radiation(dofs: Sequence[str]) -> RadiationFit:
     """Return a radiation subsystem without states, K = 0."""
+    dofs = listed(dofs)
     n = len(dofs)
     return RadiationFit(tuple(dofs), np.zeros((0, 0)), np.zeros((0, n)), np.zeros((n, 0)), 0, method="none")

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.arrays import FloatArray, listed, read_only
 from radiation_ss.atomic import write_whole
 from radiation_ss.body.dynamics import Matrices, continuous, natural_modes
 from radiation_ss.body.model import Model
@@ -82,7 +82,7 @@ def model_of(data: HydroData, path: Path, fit: str | Path | RadiationFit | None,
         own = None
     if fit is None and own is not None and order is None:
         kept: RadiationFit = own["fit"]
-        fit = kept if dofs is None else kept.select(dofs)
+        fit = kept if dofs is None else kept.select(listed(dofs))
     model = Model.from_hydro(data, fit, dofs=dofs, order=order, accuracy=accuracy)
     return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
 
@@ -223,8 +223,7 @@ def _from_matrices(body: Sequence[ArrayLike], fit: RadiationFit) -> Model:
         raise InputError(f"body: a Model, a HydroData, a ct.StateSpace, a file or the three matrices (M, C, A_inf) are "
                          f"needed, {type(body).__name__} found")
     n = len(fit.dofs)
-    M, C, A_inf = (read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
-                   for value, label in zip(body, ("M", "C", "A_inf")))
+    M, C, A_inf = (read_only(np.atleast_2d(value), label, (n, n)) for value, label in zip(body, ("M", "C", "A_inf")))
     if skew := inertia_not_symmetric(A_inf, M, fit.dofs):
         warnings.warn(InputWarning(skew), stacklevel=3)
     return Model(dofs=fit.dofs, M=M, C=C, A_inf=A_inf, fit=fit)

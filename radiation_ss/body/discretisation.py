@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray, positive
+from radiation_ss.arrays import ComplexArray, FloatArray, generator, positive
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import Matrices
@@ -153,10 +153,12 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
     discrete: Matrices = cont2discrete(continuous, dt, "bilinear" if method == "tustin" else method)[:4]
     omega = np.concatenate([np.geomspace(1e-4, 0.02, 60)[:-1], np.linspace(0.02, 0.999, 900)]) * np.pi / dt
     exact = frequency_response(system.A, system.B, system.C, omega) + system.D
-    found = sampled_response(discrete, omega, dt)
+    F, G, H, J = discrete
+    resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(len(F)) - F
+    found = np.asarray(H @ np.linalg.solve(resolvent, G.astype(complex)[None]) + J, dtype=complex)
     poles = np.linalg.eigvals(system.A) if system.nstates else np.zeros(1)
-    if band is None:
-        band = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
+    usual = float(min(max(np.abs(poles).max(), 1e-3 / dt), 0.5 / dt))
+    band = usual if band is None else positive(band, "band", "rad/s")
     rows = None     # outputs whose product with the inputs is power; none where they do not pair up
     if isinstance(plant, Model):
         rows = slice(plant.n, 2 * plant.n)
@@ -169,13 +171,6 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
                    outputs=tuple(system.output_labels), states=tuple(system.state_labels),
                    name=f"{system.name}_sampled",
                    convolution_error=convolution_error(continuous, discrete, dt, band, seed) if stable else np.nan)
-
-
-def sampled_response(system: Matrices, omega: FloatArray, dt: float) -> ComplexArray:
-    """Return the frequency response of a sampled system at z = e^{i w dt}, shape (nw, n_out, n_in)."""
-    a, b, c, d = system
-    resolvent = np.exp(1j * omega * dt)[:, None, None] * np.eye(a.shape[0]) - a
-    return np.asarray(c @ np.linalg.solve(resolvent, b.astype(complex)[None]) + d, dtype=complex)
 
 
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
@@ -206,9 +201,9 @@ def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band:
 
     a, b, c, d = continuous
     n_in = d.shape[1]
-    slowest = float(np.min(-np.linalg.eigvals(a).real)) if a.size else 1.0 / dt
+    slowest = float(np.min(-np.linalg.eigvals(a).real))
     steps = int(np.clip(6.0 / (slowest * dt), 200, LONGEST))
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     w, size = rng.uniform(0.0, band, (n_in, 40, 1)), rng.standard_normal((n_in, 40, 1))
     fine = dt / FINE * np.arange(steps * FINE + 1)
     u = np.sum(size * np.sin(w * fine), axis=1)

@@ -143,14 +143,6 @@ def natural_modes(model: Model) -> Modes:
     return Modes(model.dofs, period, ratio)
 
 
-def units_of(dof: str) -> tuple[str, str, str]:
-    """Return the units of inertia, stiffness and damping; a model does not hold what one of its own is measured in."""
-    if mode(dof) not in RIGID:
-        return "SI", "SI", "SI"
-    force, motion = force_unit(dof), motion_unit(dof)
-    return "kg m^2" if motion == "rad" else "kg", f"{force}/{motion}", f"{force} s/{motion}"
-
-
 def text(model: Model, most: int = 6) -> str:
     """Return the model in ten lines at most: a line a degree of freedom, its radiation, its tolerances."""
     modes, loose = natural_modes(model), statically_unstable(model.M, model.C, model.dofs)
@@ -158,7 +150,10 @@ def text(model: Model, most: int = 6) -> str:
     for i, dof in enumerate(model.dofs[:most]):
         swing = (f"period {modes.period[i]:.4g} s, damping ratio {modes.ratio[i]:.2g}" if np.isfinite(modes.period[i])
                  else "statically unstable (C < 0)" if dof in loose else "no oscillation")
-        mass, stiffness, damping = units_of(dof)
+        force, motion = force_unit(dof), motion_unit(dof)
+        mass, stiffness, damping = "kg m^2" if motion == "rad" else "kg", f"{force}/{motion}", f"{force} s/{motion}"
+        if mode(dof) not in RIGID:  # a model does not hold what one of its own is measured in
+            mass = stiffness = damping = "SI"
         D = f", D {model.D[i, i]:.4g} {damping}" if model.D[i, i] else ""
         lines.append(f"  {dof}  M {model.M[i, i]:.4g}, A_inf {model.A_inf[i, i]:.4g} {mass}, C {model.C[i, i]:.4g} "
                      f"{stiffness}{D}; {swing}")

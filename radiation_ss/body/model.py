@@ -85,7 +85,9 @@ class Model(Shown):
         inertia = self.M + self.A_inf
         if np.linalg.eigvalsh(0.5 * (inertia + inertia.T))[0] <= 0.0:
             raise InputError("M + A_inf: not positive definite; check the mass matrix and its reference point")
-        object.__setattr__(self, "C", without_rounding(self.C, np.diag(inertia)))
+        # What swings no faster than in 1e6 s is a mesh's integral of zero: the waterline of a submerged body.
+        least = (2.0 * np.pi / 1e6) ** 2 * np.sqrt(np.outer(np.diag(inertia), np.diag(inertia)))
+        object.__setattr__(self, "C", read_only(np.where(np.abs(self.C) < least, 0.0, self.C), "C", (n, n)))
         object.__setattr__(self, "tolerance", checked_tolerance(self.tolerance))
 
     @classmethod
@@ -175,7 +177,9 @@ class Model(Shown):
             if self.hydro is None:
                 raise InputError("origin: the model has no data that name its reference point; give it")
             origin = self.hydro.reference_point
-        T = velocity_transform(self.dofs, np.asarray(origin, dtype=float) - np.asarray(reference_point, dtype=float))
+        old, new = (read_only(point, f"{name} (x, y, z) [m]", (3,), finite=False) for name, point in
+                    (("origin", origin), ("reference_point", reference_point)))
+        T = velocity_transform(self.dofs, old - new)
         moved = {name: T.T @ getattr(self, name) @ T for name in ("M", "A_inf", "C", "D")}
         hydro = None if self.hydro is None else self.hydro.at(reference_point)
         A_inf = None if self.fit.A_inf is None else T.T @ self.fit.A_inf @ T
@@ -209,15 +213,6 @@ class Model(Shown):
         'buoy'
         """
         return replace(self, **changes)  # type: ignore[arg-type]
-
-
-def without_rounding(C: FloatArray, inertia: FloatArray, longest: float = 1e6) -> FloatArray:
-    """Return a stiffness (n, n) without what would swing inertias (n,) no faster than a period of `longest` [s].
-
-    That is rounding: a mesh's integral of what is zero, such as the waterline of a submerged body.
-    """
-    least = (2.0 * np.pi / longest) ** 2 * np.sqrt(np.outer(inertia, inertia))
-    return read_only(np.where(np.abs(C) < least, 0.0, C), "C", C.shape)
 
 
 def checked_tolerance(given: float | Mapping[str, float], names: Collection[str] = TOLERANCES, *,
@@ -256,4 +251,4 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
         if unknown:
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag(read_only([value.get(dof, 0.0) for dof in dofs], label, (n,)))
-    return read_only(np.atleast_2d(np.asarray(value, dtype=float)), label, (n, n))
+    return read_only(np.atleast_2d(value), label, (n, n))

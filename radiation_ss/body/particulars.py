@@ -195,19 +195,18 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
                 stiffness: float | None = None) -> tuple[float, float]:
     """Return what is missing, inertia with added mass or stiffness, and the damping beside radiation.
 
-    A free oscillation s = pole(period, ratio) obeys s^2 I + s (K(s) + D) + C = 0: two real equations, linear in the
-    missing one of I and C, and in D. Without a ratio D is zero, and the ratio is that of radiation alone. `period`: of
+    A free oscillation s = pole(period, ratio) obeys s I + K(s) + C / s = -D: the imaginary part gives the missing one
+    of I and C, the real part D. Without a ratio D is zero, and the ratio is that of radiation alone. `period`: of
     the oscillation [s]. `ratio`: damping ratio, 0 to 1. `K`: radiation transfer function K(s) at complex s [1/s].
     `inertia`, `stiffness`: M + A_inf or C, one of them. InputError if radiation alone damps more than the ratio says,
     or no ratio makes an oscillation of this period.
     """
     def solve(ratio: float) -> tuple[float, float]:
         s = pole(period, ratio)
-        column = s**2 if inertia is None else 1.0
-        rest = s * (s * (inertia or 0.0) + K(s)) + (stiffness or 0.0)
-        matrix = np.array([[np.real(column), s.real], [np.imag(column), s.imag]])
-        missing, damping = np.linalg.solve(matrix, [-np.real(rest), -np.imag(rest)])
-        return float(missing), float(damping)
+        known = s * (inertia or 0.0) + K(s) + (stiffness or 0.0) / s
+        unit = s if inertia is None else 1.0 / s
+        missing = -known.imag / unit.imag
+        return missing, -(known + missing * unit).real
 
     if ratio is not None:
         missing, damping = solve(ratio)

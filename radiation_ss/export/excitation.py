@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.atomic import write_rows
 from radiation_ss.errors import InputError
 from radiation_ss.fit.problem import as_data
@@ -121,7 +121,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int | None =
     there = np.isfinite(data.X[:, at[0]]).all(axis=1)
     omega, X = data.omega[there], data.X[there, at[0]]
     states = min(30, omega.size) if states is None else states
-    if states < 2 or states > omega.size:
+    if not 2 <= states <= omega.size or states != int(states):
         raise InputError(f"states: {states} found; 2 to {omega.size}, the number of frequencies with a force, needed")
     size = np.abs(X).max(axis=0)
     if not size.any():
@@ -132,13 +132,14 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int | None =
     active = size > 0.0
     Y = X[:, active] / size[active]
     peak = omega[int(np.argmax(np.abs(Y).sum(axis=1)))]
-    leads = 2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None else [lead]
+    leads = (2.0 * np.pi / peak * np.arange(0.25, 3.01, 0.25) if lead is None
+             else read_only(np.atleast_1d(lead), "lead [s]", (1,)))
 
     def fitted(tc: float) -> ExcitationFit:
         ahead = Y * np.exp(-1j * omega * tc)[:, None]
-        a, b, scaled = _vector_fit(omega, ahead, states, passes)
+        a, b, scaled = _vector_fit(omega, ahead, int(states), passes)
         error = float(np.linalg.norm(frequency_response(a, b, scaled, omega)[:, :, 0] - ahead) / np.linalg.norm(Y))
-        c = np.zeros((data.n, states))
+        c = np.zeros((data.n, a.shape[0]))
         c[active] = size[active, None] * scaled
         return ExcitationFit(data.dofs, a, b, c, float(tc), float(direction), error)
 
@@ -225,6 +226,6 @@ def read_excitation(path: str | Path) -> ExcitationFit:
     if n < 6 or n % 6 or [len(row) for row in rows] != [N] * N + [1] * N + [N] * n:
         raise InputError(f"{source.name}: {len(rows)} rows of numbers; {N} states need {N} rows of {N}, {N} of 1 "
                          f"and 6 of {N} for each body")
-    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
+    names = six_dofs([""] * (n // 6))
     return ExcitationFit(names, np.reshape(rows[:N], (N, N)), np.reshape(rows[N:2 * N], (N, 1)),
                          np.reshape(rows[2 * N:], (n, N)), lead, float(np.radians(angle)))

@@ -15,8 +15,9 @@ from radiation_ss.fit.rational import minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
 from radiation_ss.hydro.readers.assemble import MSS_AXES, six_dofs, six_places
+from radiation_ss.hydro.readers.bemio import body_groups
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, hdf5_text, listed, read_arrays, read_mat, texts, whole_number
+from radiation_ss.reading import check_size, listed, read_arrays, read_mat, texts, whole_number
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -52,7 +53,7 @@ def read_openfast(path: Path) -> RadiationFit:
     if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
         raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
-    names = six_dofs([f"body{k + 1}" for k in range(n // 6)])
+    names = six_dofs([""] * (n // 6))
     b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
     keep = [k for k in range(n) if enabled[k] and (b[:, k].any() or c[k].any())]
     if not keep:
@@ -78,6 +79,8 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     n = 6 * len(bodies)
     entries = {(at, to): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
                for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
+    if not entries:
+        raise InputError(f"{path.name}: a model without radiation has no states to write; this form needs one at least")
     most = max(part[0].shape[0] for part in entries.values())
     # In memory, for on a disk that is full the HDF5 library ends the process.
     raw = BytesIO(path.read_bytes() if path.exists() else b"")
@@ -107,8 +110,7 @@ def _places_in(path: Path, places: Sequence[int], bodies: Sequence[str]) -> tupl
 
     try:
         with h5py.File(path, "r") as file:
-            groups = sorted((g for g in file if g.startswith("body") and g[4:].isdigit()), key=lambda g: int(g[4:]))
-            there = [hdf5_text(file, f"{g}/properties/name") or g for g in groups]
+            there = body_groups(file)[1]
     except OSError:
         raise InputError(f"{path.name}: exists and is not an HDF5 file; write to a new one") from None
     if not there or (len(there) == len(bodies) == 1 and not bodies[0]):
@@ -142,18 +144,17 @@ def read_bemio(path: Path) -> RadiationFit:
 
     check_size(path)
     with h5py.File(path, "r") as file:
-        groups = sorted((g for g in file if g.startswith("body") and f"{g}/{STATE_SPACE}/A/all" in file),
-                        key=lambda g: int(g[4:]))
-        if not groups:
+        bodies = {g: name for g, name in zip(*body_groups(file)) if f"{g}/{STATE_SPACE}/A/all" in file}
+        if not bodies:
             raise InputError(f"{path.name}: no state_space group; fit_radiation makes one")
         rho = float(_numbers(file, "simulation_parameters/rho").ravel()[0])
-        names = six_dofs([hdf5_text(file, f"{g}/properties/name") or g for g in groups])
+        names = six_dofs(list(bodies.values()))
         parts: Parts = {}
-        for k, g in enumerate(groups):
+        for k, g in enumerate(bodies):
             A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
-            if it.shape != (6, 6 * len(groups)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
+            if it.shape != (6, 6 * len(bodies)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
                 raise InputError(f"{path.name}: {g}/{STATE_SPACE}/it: numbers of states of 6 times "
-                                 f"{6 * len(groups)} entries are needed, at most {A.shape[-1]} each")
+                                 f"{6 * len(bodies)} entries are needed, at most {A.shape[-1]} each")
             for i, j in zip(*np.nonzero(it)):
                 states = int(it[i, j])
                 parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),

@@ -48,9 +48,9 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
     for low, high in ([band] if band else []) + list(drop):
         if not low <= high:
             raise InputError(f"interval ({low:g}, {high:g}) rad/s: the lower end is above the upper")
-    w = data.omega
     if band is not None:
-        data = _keep(data, (w >= band[0]) & (w <= band[1]), f"outside {band[0]:g} to {band[1]:g} rad/s")
+        low, high = band
+        data = _keep(data, (data.omega >= low) & (data.omega <= high), f"outside {low:g} to {high:g} rad/s")
     if drop:
         outside = [(data.omega < low) | (data.omega > high) for low, high in drop]
         data = _keep(data, np.all(outside, axis=0), "as asked")

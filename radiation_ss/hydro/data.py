@@ -144,7 +144,8 @@ class HydroData(Shown):
                 raise InputError(f"directions: {far:g} is too much for radians; np.deg2rad turns degrees")
         for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
             fixed[name] = positive(getattr(self, name), name, unit, or_infinite=name == "depth")
-        fixed["reference_point"] = tuple(float(v) for v in self.reference_point)
+        point = read_only(self.reference_point, "reference_point (x, y, z) [m]", (3,), finite=False)
+        fixed["reference_point"] = tuple(point.tolist())
         for name, value in fixed.items():
             object.__setattr__(self, name, value)
 
@@ -245,9 +246,7 @@ class HydroData(Shown):
         >>> data.kernel([0.0, 1.0]).shape
         (2, 1, 1)
         """
-        from radiation_ss.hydro.transforms import kernel
-
-        return kernel(self.omega, self.B, t)
+        return later("hydro.transforms:kernel", self.omega, self.B, t)
 
     def with_A_inf(self) -> HydroData:
         """Return the data with A_inf estimated from A and B where it is missing, and a note of its uncertainty.

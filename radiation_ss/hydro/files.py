@@ -1,12 +1,12 @@
 """Reading and writing hydrodynamic coefficients: which format, and to whom it goes."""
 
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.methods import later
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +65,7 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
     if not isinstance(path, (str, Path)):
         if not hasattr(path, "data_vars"):
             raise InputError(f"read_hydro: a path or an xarray.Dataset is needed, found {type(path).__name__}")
-        return _reader("capytaine").from_dataset(path, **given)
+        return later("hydro.readers.capytaine:from_dataset", path, **given)
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
@@ -87,23 +87,18 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
     for key in options:
         if name != OWNER[key].lower():
             raise InputError(f"{path}: {key} is for {OWNER[key]} files, this one is read as {name}")
-    if name == "hams":
-        return _reader("wamit").read_hams(path, **given)
-    return _reader(name).read(path, **given, **options)
-
-
-def _reader(name: str) -> Any:
-    return import_module(f"radiation_ss.hydro.readers.{name}")
+    place = "wamit:read_hams" if name == "hams" else f"{name}:read"
+    return later(f"hydro.readers.{place}", path, **given, **options)
 
 
 def _told_from(path: Path) -> str | None:
     """Return the format of a file by its name, of a folder by what lies in it."""
     if path.is_dir():
         found = {"hams": (path / HAMS).is_file(), "hydrostar": (path / HYDROSTAR).is_file(),
-                 "nemoh": _reader("nemoh").is_run(path)}
+                 "nemoh": later("hydro.readers.nemoh:is_run", path)}
         return next((name for name, there in found.items() if there), None)
     name = FORMATS.get(path.suffix.lower())
-    return "hams" if name == "wamit" and _reader("wamit").is_wamit_form(path.absolute()) else name
+    return "hams" if name == "wamit" and later("hydro.readers.wamit:is_wamit_form", path.absolute()) else name
 
 
 def write_hydro(data: HydroData, path: str | Path) -> None:
@@ -131,4 +126,5 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
-    write_whole(path, _reader("capytaine").netcdf(data if isinstance(data, HydroData) else read_hydro(data)))
+    data = data if isinstance(data, HydroData) else read_hydro(data)
+    write_whole(path, later("hydro.readers.capytaine:netcdf", data))

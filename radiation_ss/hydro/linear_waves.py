@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive
 
 
 def wave_number(K: FloatArray, depth: float) -> FloatArray:
@@ -10,7 +10,7 @@ def wave_number(K: FloatArray, depth: float) -> FloatArray:
 
     Newton's method from Fenton & McKee's (1990) start.
     """
-    K = np.asarray(K, dtype=float)
+    K, depth = np.asarray(K, dtype=float), positive(depth, "depth", "m", or_infinite=True)
     if np.isinf(depth):
         return K
     target = K * depth

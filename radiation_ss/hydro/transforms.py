@@ -119,8 +119,8 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
     frequencies or a time is negative.
     """
     w, values = _band(omega, B, "B")
-    times = np.atleast_1d(np.asarray(t, dtype=float))
-    if not np.isfinite(times).all() or times.min() < 0.0:
+    times = read_only(np.atleast_1d(t), "t", (None,), finite=False)
+    if times.size == 0 or not np.isfinite(times).all() or times.min() < 0.0:
         raise InputError("t: times must be finite and not negative, in seconds")
     tail = fit_tail(w, values)
     grid, full = _with_zero(w, values)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len
 
-from radiation_ss.arrays import ComplexArray, FloatArray, generator
+from radiation_ss.arrays import ComplexArray, FloatArray, generator, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro import wave_number
 from radiation_ss.methods import Brief
@@ -128,11 +128,12 @@ def realise(spectrum: Callable[[FloatArray], FloatArray], duration: float, dt: f
                          "raise `largest` (each takes some hundred bytes of memory)")
     if method not in ("phase", "amplitude"):
         raise InputError(f"method: {method!r} is unknown; use 'phase' or 'amplitude'")
-    headings = np.atleast_1d(np.asarray(0.0 if directions is None else directions, dtype=float))
+    headings = read_only(np.atleast_1d(0.0 if directions is None else directions), "directions [rad]", (None,))
     if np.abs(headings).max(initial=0.0) > 2.0 * np.pi + 1e-6:
         raise InputError(f"directions: {headings[np.abs(headings).argmax()]:g} rad is more than a turn; degrees are "
                          "given in radians, np.radians(...)")
-    shares = np.full(headings.size, 1.0 / headings.size) if spreading is None else np.asarray(spreading, dtype=float)
+    even = np.full(headings.size, 1.0 / headings.size)
+    shares = even if spreading is None else read_only(spreading, "spreading", (None,))
     if shares.shape != headings.shape or shares.min() < 0.0 or abs(shares.sum() - 1.0) > 1e-6:
         raise InputError(f"spreading: {headings.size} shares that sum to 1 are needed, one for each direction")
     rng = generator(seed)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.transforms import composite
 from radiation_ss.methods import Brief
 
 
@@ -28,18 +29,14 @@ def jonswap_shape(x: ArrayLike, gamma: float | FloatArray) -> FloatArray:
 def shape_moment(order: int, gamma: float) -> float:
     """Return the moment int_0^inf x^order shape(x) dx, order -1 to 3.
 
-    The Pierson-Moskowitz part is closed, Gamma(1 - order/4) 1.25^(order/4) / 5; the rest, which lives near x = 1, is by
-    Gauss-Legendre quadrature on each side of the kink in sigma.
+    The Pierson-Moskowitz part is closed, Gamma(1 - order/4) 1.25^(order/4) / 5; the rest, which lives near x = 1 and is
+    below 1e-40 beyond x = 3, is by Gauss-Legendre quadrature on each side of the kink in sigma.
     """
     if not -1 <= order <= 3:
         raise InputError(f"order: {order} is not one of -1 to 3; those of 4 and more of a w^-5 tail do not exist")
-    total = gamma_function(1.0 - order / 4.0) * 1.25 ** (order / 4.0) / 5.0
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    for low, high in ((0.15, 1.0), (1.0, 1.45), (1.45, 3.0)):  # beyond, the enhancement is below 1e-40
-        x = 0.5 * (high - low) * nodes + 0.5 * (high + low)
-        extra = jonswap_shape(x, gamma) - jonswap_shape(x, 1.0)
-        total += 0.5 * (high - low) * float(weights @ (x**order * extra))
-    return total
+    closed = gamma_function(1.0 - order / 4.0) * 1.25 ** (order / 4.0) / 5.0
+    x, weights = composite(np.array([0.15, 1.0, 1.45, 3.0]), np.full(3, 40))
+    return closed + float(weights @ (x**order * (jonswap_shape(x, gamma) - jonswap_shape(x, 1.0))))
 
 
 def jonswap_density(omega: ArrayLike, hs: float, tp: float, gamma: float = 3.3) -> FloatArray:
@@ -131,7 +128,7 @@ class Spectrum(Brief):
 
 
 def table_moment(omega: FloatArray, density: FloatArray, order: int) -> float:
-    """Return int w^order S dw of a piecewise linear S, exactly (3-point Gauss on each piece, logarithms for -1)."""
+    """Return int w^order S dw of a piecewise linear S, exactly (Gauss on each piece, logarithms for -1)."""
     if order == -1:
         slope = np.diff(density) / np.diff(omega)
         still = density[:-1] - slope * omega[:-1]  # of S = still + slope w
@@ -139,10 +136,8 @@ def table_moment(omega: FloatArray, density: FloatArray, order: int) -> float:
             raise InputError("order: the moment of order -1 of a spectrum that is not zero at 0 rad/s does not exist")
         first = np.where(omega[:-1] > 0.0, omega[:-1], omega[1:])
         return float(np.sum(np.diff(density) + still * np.log(omega[1:] / first)))
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    half = 0.5 * np.diff(omega)[:, None]
-    w = omega[:-1, None] + half * (1.0 + nodes)
-    return float(np.sum(half * weights * w**order * np.interp(w, omega, density)))
+    w, weights = composite(omega, np.ones(omega.size - 1, dtype=int))
+    return float(weights @ (w**order * np.interp(w, omega, density)))
 
 
 def jonswap(hs: float, tp: float | None = None, *, t01: float | None = None, gamma: float = 3.3) -> Spectrum:

@@ -4,13 +4,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, delay, six_dofs
 
 MOST = 10_000
 # By its heading what a block is labelled by (structure b, heading h, frequency k), and its rows and columns.
@@ -73,8 +74,6 @@ def read(path: Path, **given: float) -> HydroData:
     if np.isnan(found["ADDEDMASS"]).any():
         notes.append(f"{path}: the structures were computed each alone; the terms between them are zero")
     stated = constants(path, dict(zip(("depth", "rho", "g"), found["GENERAL"])), given, notes)
-    points = [tuple(row) for row in found["COG"][:, 0]]
-    dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     fields: dict[str, Any] = {field: block_diag(*found[name])
                               for field, name in (("M", "MASS"), ("C", "HYDSTIFFNESS")) if name in found}
     if "ADDEDMASS_HF" in found:
@@ -82,13 +81,26 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
     if "ADDEDMASS_LF" in found:
         notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
-    if "FORCERAO" in found:
-        fields["X"] = lags_to_origin(found["FORCERAO"], omega, headings, points, stated["g"], stated["depth"])
-        fields["directions"] = headings
     notes += [f"{path}: no block {name}, so no {what}" for name, what in (("ADDEDMASS_HF", "A_inf"), ("FORCERAO", "X"))
               if name not in found]
-    return assemble(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), dofs, notes=notes,
-                    points=dict(zip(bodies(dofs), points)), **stated, **fields)
+    return whole(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), found["COG"][:, 0], headings,
+                 found.get("FORCERAO"), notes=notes, **stated, **fields)
+
+
+def whole(path: Path, omega: FloatArray, A: ArrayLike, B: ArrayLike, points: FloatArray, headings: FloatArray,
+          force: FloatArray | None, **fields: Any) -> HydroData:
+    """Return HydroData of AQWA's results; `points` (bodies, 3): the centres of gravity, which rotations are about.
+
+    `force` [body, heading, frequency, (amplitude, phase in deg), i]: the phases are lags behind the wave at each centre
+    of gravity, those of X leads over the wave at the origin.
+    """
+    dofs = six_dofs([""] * len(points))
+    if force is not None:
+        lagged = force[..., 0, :] * np.exp(-1j * np.deg2rad(force[..., 1, :]))
+        X = [part * delay(omega, headings, point, fields["g"], fields["depth"]).T[:, :, None]
+             for part, point in zip(lagged, points)]
+        fields |= {"X": np.concatenate(X, axis=-1).swapaxes(0, 1), "directions": headings}
+    return assemble(path, omega, A, B, dofs, points=dict(zip(bodies(dofs), map(tuple, points))), **fields)
 
 
 def joined(blocks: FloatArray) -> FloatArray:

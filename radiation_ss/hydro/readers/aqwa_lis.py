@@ -16,7 +16,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, lags_to_origin, six_dofs
+from radiation_ss.hydro.readers.aqwa import whole
+from radiation_ss.hydro.readers.assemble import constants
 
 LABELS = ["X", "Y", "Z", "RX", "RY", "RZ"]
 SECTION = "HYDRODYNAMICPARAMETERS"
@@ -43,10 +44,9 @@ def read(path: Path, **given: float) -> HydroData:
     found, centres = _tables(path, lines, bare)
     omega = np.array([w for w in found if 0.0 < w < np.inf])
     count = len(centres)
-    dofs = six_dofs([f"body{k}" for k in range(1, count + 1)])
     coupled = _complete(path, found, count)
     fields: dict[str, Any] = {"M": block_diag(*[_mass(path, lines, bare, k) for k in centres]),
-                              "C": block_diag(*[found[0.0]["C", k, k] for k in centres])}
+                              "C": _whole(found[0.0], "C", count)}
     high = "A_inf is AQWA's added mass at 100 rad/s"
     if np.inf not in found:
         high = "no section on low and high frequencies (or cut off before it); A_inf is not known"
@@ -56,13 +56,9 @@ def read(path: Path, **given: float) -> HydroData:
         fields["A_inf"] = _whole(found[np.inf], "A", count)
     alone = "the structures were computed each alone; the terms between them are zero"
     notes += [f"{path}: {note}" for note in [alone] * (not coupled) + [high]]
-    degrees, rows = _forces(path, lines, bare, omega, count)
-    fields["directions"] = angle = np.deg2rad(degrees)
-    points = [centres[k] for k in sorted(centres)]
-    fields["X"] = lags_to_origin(rows, omega, angle, points, stated["g"], stated["depth"])
-    return assemble(path, omega, [_whole(found[w], "A", count) for w in omega],
-                    [_whole(found[w], "B", count) for w in omega], dofs, notes=notes,
-                    points=dict(zip(bodies(dofs), points)), **stated, **fields)
+    A, B = ([_whole(found[w], name, count) for w in omega] for name in "AB")
+    headings, force = _forces(path, lines, bare, omega, count)
+    return whole(path, omega, A, B, np.array(list(centres.values())), headings, force, notes=notes, **stated, **fields)
 
 
 def _complete(path: Path, found: Tables, count: int) -> bool:
@@ -130,7 +126,7 @@ def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[Tables, dict
     if not points or sorted(points) != list(range(1, len(points) + 1)):
         raise InputError(f"{path}: lines THE CENTRE OF GRAVITY AT (x, y, z) of structures {sorted(points)}; one of "
                          "each structure from 1 on is needed")
-    return found, points
+    return found, dict(sorted(points.items()))
 
 
 def _six(path: Path, lines: list[str], k: int) -> FloatArray:
@@ -162,8 +158,8 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
 
 
 def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
-            count: int) -> tuple[list[float], FloatArray]:
-    """Return headings [deg] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force;
+            count: int) -> tuple[FloatArray, FloatArray]:
+    """Return headings [rad] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force;
     the Froude-Krylov part, a table above, tells which directions must be there.
     """
     groups: dict[tuple[str, int], dict[float, list[list[float]]]] = {
@@ -199,4 +195,4 @@ def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
                          f"{len(groups[PART, 1])}; all frequencies of the added mass are needed in each, for "
                          f"{count} structure(s): cut off?")
     table = np.array([list(groups[FORCES, k].values()) for k in range(1, count + 1)])
-    return found, np.stack([table[..., 0::2], table[..., 1::2]], axis=3)
+    return np.deg2rad(found), np.stack([table[..., 0::2], table[..., 1::2]], axis=3)

@@ -24,7 +24,10 @@ Points = Mapping[str, tuple[float, ...]]
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several."""
+    """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several.
+
+    A body without a name, '', is called by its number.
+    """
     if len(bodies) == 1:
         return RIGID
     names = [name or f"body{k}" for k, name in enumerate(bodies, 1)]
@@ -108,18 +111,6 @@ def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | Fl
     k = wave_number(np.where(inside, omega, 1.0) ** 2 / g, depth)
     along = point[0] * np.cos(directions) + point[1] * np.sin(directions)
     return np.asarray(np.exp(-1j * k[:, None] * along), dtype=complex)
-
-
-def lags_to_origin(rows: FloatArray, omega: FloatArray, headings: FloatArray, points: list[tuple[float, ...]], g: float,
-              depth: float) -> ComplexArray:
-    """Return X [frequency, heading, i] of rows [body, heading, frequency, (amplitude, phase in deg), i].
-
-    The phases are AQWA's: lags behind the wave at each centre of gravity: here leads over the wave at the origin.
-    """
-    force = rows[..., 0, :] * np.exp(-1j * np.deg2rad(rows[..., 1, :]))
-    for b, point in enumerate(points):
-        force[b] *= delay(omega, headings, point, g, depth).T[:, :, None]
-    return np.concatenate(list(force), axis=-1).swapaxes(0, 1)
 
 
 def common_point(path: Path | str, dofs: Sequence[str], points: Points | None) -> tuple[tuple[float, ...], list[str]]:

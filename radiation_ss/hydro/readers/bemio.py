@@ -3,6 +3,7 @@
 A / rho, B / (rho w), X / (rho g), C / (rho g); e^{+i w t}; angles in degrees; moments about each body's `cg`.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,7 @@ def read(path: Path, **given: float) -> HydroData:
 
 
 def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
-    groups = sorted((name for name in file if name.startswith("body") and name[4:].isdigit()),
-                    key=lambda name: int(name[4:]))
+    groups, bodies = body_groups(file)
     if not groups or HEAD not in file:
         raise InputError(f"{path}: not a BEMIO file: groups {HEAD} and body1 are needed, found {sorted(file)[:6]}")
 
@@ -72,7 +72,7 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
         angle = _array(path, file, f"{HEAD}/wave_dir").ravel()
         X = stacked("excitation/re", angle.size, nw) + 1j * stacked("excitation/im", angle.size, nw)
         fields |= {"X": weight * X.transpose(2, 1, 0), "directions": np.deg2rad(angle)}
-    dofs = six_dofs([hdf5_text(file, f"{b}/properties/name") or b for b in groups])
+    dofs = six_dofs(bodies)
     if code == "NEMOH" and is_reversed(horizontal_lead(fields.get("X"), fields.get("C"), dofs,
                                                        fields.get("directions"))):
         fields["X"] = fields["X"].conj()
@@ -80,6 +80,12 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
     points = {b: _point(path, file, f"{b}/properties/cg") for b in groups if f"{b}/properties/cg" in file}
     return assemble(path, omega, np.moveaxis(A, -1, 0), np.moveaxis(B, -1, 0), dofs, notes=notes,
                     points=points if len(points) == len(groups) else None, **stated, **fields)
+
+
+def body_groups(file: Any) -> tuple[list[str], list[str]]:
+    """Return the groups of the bodies in an open file, in order, and the names of the bodies."""
+    groups = sorted((group for group in file if re.fullmatch(r"body\d+", group)), key=lambda group: int(group[4:]))
+    return groups, [hdf5_text(file, f"{group}/properties/name") or group for group in groups]
 
 
 def _array(path: Path, file: Any, name: str, shape: tuple[int, ...] | None = None) -> FloatArray:

@@ -34,7 +34,17 @@ NAMES = {"rho": "rho", "g": "g", "depth": "water_depth"}
 
 def read(path: Path, **given: float) -> HydroData:
     """Read a file of Capytaine's form; see `from_dataset`."""
-    return from_dataset(_open(path), path, **given)
+    import xarray as xr
+
+    def whole() -> xr.Dataset:
+        content = path.read_bytes()
+        if content.startswith(b"\x89HDF"):
+            check_size(path)
+        # From memory: xarray would keep a damaged file open, and locked.
+        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
+            return opened.load()
+
+    return from_dataset(decoded(path, "netCDF dataset", whole), path, **given)
 
 
 def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
@@ -53,16 +63,13 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
         if name not in data:
             raise InputError(f"{path}: variable {name} is missing; it holds {sorted(map(str, data.data_vars))}")
     constants, notes = _constants(path, data, given)
-    for name in ("rho", "g", "water_depth", "forward_speed", "body_name"):
-        if name in data.dims:
-            data = data.isel({name: 0})
+    data = data.isel({name: 0 for name in (*NAMES.values(), "forward_speed", "body_name") if name in data.dims})
     data, along = _along_frequency(path, data)
     data, dofs, more = _dofs(path, data)
     notes += more
     matrix = (along, "influenced_dof", "radiating_dof")
-    A = _values(path, data, "added_mass", matrix)
-    B = _values(path, data, "radiation_damping", matrix)
-    fields: dict[str, Any] = {field: _values(path, data, name, matrix[1:]) if name in data else None
+    A, B = (_values(path, data[name], matrix) for name in ("added_mass", "radiation_damping"))
+    fields: dict[str, Any] = {field: _values(path, data[name], matrix[1:]) if name in data else None
                               for field, name in SQUARE.items() if name not in data or ENTRIES not in data[name].dims}
     if (inertia := fields.get("M")) is not None and np.isnan(inertia).any():  # Capytaine's of shapes of one's own
         unknown = ", ".join(dof for dof, row in zip(dofs, inertia) if np.isnan(row).all() or np.isnan(row).sum() > 1)
@@ -79,26 +86,12 @@ def _from_dataset(dataset: xr.Dataset, path: Path | str, given: dict[str, float]
     if force is not None:
         if "wave_direction" not in force.dims:
             force = force.expand_dims("wave_direction")
-        fields["X"] = np.conj(_values(path, force.to_dataset(name="excitation_force"), "excitation_force",
+        fields["X"] = np.conj(_values(path, force.rename("excitation_force"),
                                       (along, "wave_direction", "influenced_dof")))
         fields["directions"] = _directions(path, force)
     point, more = _reference_point(path, data, dofs)
     return assemble(path, np.asarray(data["omega"].values, float), A, B, dofs, reference_point=point,
                     notes=notes + more, **constants, **fields)
-
-
-def _open(path: Path) -> xr.Dataset:
-    import xarray as xr
-
-    def whole() -> xr.Dataset:
-        content = path.read_bytes()
-        if content.startswith(b"\x89HDF"):
-            check_size(path)
-        # From memory: xarray would keep a damaged file open, and locked.
-        with xr.open_dataset(io.BytesIO(content), decode_times=False) as opened:
-            return opened.load()
-
-    return decoded(path, "netCDF dataset", whole)
 
 
 def _merge_complex(path: Path | str, data: xr.Dataset) -> xr.Dataset:
@@ -172,17 +165,16 @@ def _dofs(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ..
     return data.sel(radiating_dof=order, influenced_dof=order), tuple(order), notes
 
 
-def _values(path: Path | str, data: xr.Dataset, name: str, dims: tuple[str, ...]) -> Any:
+def _values(path: Path | str, variable: xr.DataArray, dims: tuple[str, ...]) -> Any:
     """Return a variable's array in the order `dims`; size-one dimensions that are not asked for go."""
-    variable = data[name]
     extra = [d for d in variable.dims if d not in dims]
     many = [d for d in extra if variable.sizes[d] > 1]
     missing = [d for d in dims if d not in variable.dims]
     if many or missing:
-        raise InputError(f"{path}: {name} has dimensions {tuple(variable.dims)}; {dims} needed")
+        raise InputError(f"{path}: {variable.name} has dimensions {tuple(variable.dims)}; {dims} needed")
     values = variable.isel({d: 0 for d in extra}).transpose(*dims).values
     if values.dtype.kind not in "fciu":
-        raise InputError(f"{path}: {name} holds {values.dtype}, not numbers")
+        raise InputError(f"{path}: {variable.name} holds {values.dtype}, not numbers")
     return values
 
 
@@ -197,7 +189,7 @@ def _stiffness(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) -> Flo
         raise InputError(f"{path}: hydrostatic_stiffness has entries {labels} for {rows.sizes['bodies']} bodies; S33, "
                          f"S34, S35, S44, S45, S55 for each of {len(groups)} bodies with Heave, Roll, Pitch needed")
     C = np.zeros((len(dofs), len(dofs)))
-    for group, row in zip(groups, _values(path, rows.to_dataset(name="S"), "S", ("bodies", ENTRIES))):
+    for group, row in zip(groups, _values(path, rows, ("bodies", ENTRIES))):
         at = [dofs.index(dof) for dof in group]
         for label, value in zip(labels, row):
             i, j = (at[int(digit) - 3] for digit in label[1:])

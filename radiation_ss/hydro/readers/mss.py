@@ -29,7 +29,10 @@ def read(path: Path, **given: float) -> HydroData:
     notes: list[str] = []
     stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
     omega = _numbers(path, vessel, "freqs").ravel()
-    still = _zero_speed(path, vessel)
+    speed = _numbers(path, vessel, "velocities").ravel() if "velocities" in vessel else np.zeros(1)
+    if not (speed == 0.0).any():
+        raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
+    still = int(np.flatnonzero(speed == 0.0)[0])
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
     rows = omega.copy()
     if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():
@@ -41,7 +44,12 @@ def read(path: Path, **given: float) -> HydroData:
     if "Bv" in vessel:
         notes.append(f"{path}: viscous damping Bv is left out")
     forces = _forces(path, vessel, rows, still, notes)
-    point = _reference(path, vessel, main, notes)
+    point = (0.0, 0.0, 0.0)
+    if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
+        x, y, z = _numbers(path, main, "CG").ravel()[:3]
+        point = (float(x), -float(y), -float(z))
+    else:
+        notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")
     return assemble(path, rows, _turned(A), _turned(B), RIGID, reference_point=point, notes=notes,
                     **stated, **fields, **forces)
 
@@ -60,16 +68,6 @@ def _scalar(path: Path, owner: Any, name: str) -> float | None:
     if value.size != 1:
         raise InputError(f"{path}: vessel.main.{name} has {value.size} values; one is needed")
     return float(value.ravel()[0])
-
-
-def _zero_speed(path: Path, vessel: Any) -> int:
-    """Return the index of zero speed among vessel.velocities."""
-    if "velocities" not in vessel:
-        return 0
-    speed = _numbers(path, vessel, "velocities").ravel()
-    if not (speed == 0.0).any():
-        raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
-    return int(np.flatnonzero(speed == 0.0)[0])
 
 
 def _matrices(path: Path, vessel: Any, name: str, frequencies: int | None, still: int) -> FloatArray:
@@ -109,12 +107,3 @@ def _forces(path: Path, vessel: Any, omega: FloatArray, still: int, notes: list[
         X[known, :, i] = (MSS_AXES[i] * a * np.exp(1j * p))[row[known]]
     notes.append(f"{path}: forceRAO phases taken as leads over the wave (as MSS has them from WAMIT)")
     return {"X": X, "directions": -heading}
-
-
-def _reference(path: Path, vessel: Any, main: Any, notes: list[str]) -> tuple[float, float, float]:
-    """Return the point of the rotations: the origin CO on the waterline, or the centre of gravity where it says so."""
-    if str(vessel.get("hydrodynamic_reference", "")).strip().upper() == "CG" and "CG" in main:
-        x, y, z = _numbers(path, main, "CG").ravel()[:3]
-        return float(x), -float(y), -float(z)
-    notes.append(f"{path}: rotations taken about MSS's origin CO (midships, centreline, waterline)")
-    return (0.0, 0.0, 0.0)

@@ -31,14 +31,6 @@ class NemohCase(NamedTuple):
     directions: int
 
 
-class Zone(NamedTuple):
-    """One zone of a Tecplot file: its title and its rows."""
-
-    title: str
-    line: int
-    rows: FloatArray
-
-
 def read(path: Path, **given: float) -> HydroData:
     """Read the folder of a run (or its Nemoh.cal); files may lie in it or in Results, Mesh and Mechanics.
 
@@ -127,29 +119,30 @@ def _mode_name(mode: list[float], k: int) -> str:
     return f"Mode{k}"
 
 
-def _zones(path: Path, columns: int) -> tuple[str, list[Zone]]:
-    """Return the head of a Tecplot file and its zones."""
+def _zones(path: Path, pairs: int) -> tuple[FloatArray, list[tuple[str, int]], FloatArray]:
+    """Return rad/s, title and line of each zone of a Tecplot file, and its values [zone, frequency, column]."""
     head: list[str] = []
     found: list[tuple[str, int, list[list[float]]]] = []
     for k, line in enumerate(text.lines(path)):
         if line.lower().lstrip().startswith("zone"):
             found.append((line.strip(), k, []))
         elif found and line.strip():
-            found[-1][2].append(text.row(path, k, line, columns, "frequency and pairs of values"))
+            found[-1][2].append(text.row(path, k, line, 2 * pairs + 1, "frequency and pairs of values"))
         elif line.strip() and text.number(line.split()[0]) is not None:
             raise InputError(f"{path}, line {k + 1}: numbers before the first Zone; its heading is lost")
         else:
             head.append(line)
     if not found:
         raise InputError(f"{path}: no Zone in it")
-    zones = [Zone(title, k, np.array(rows)) for title, k, rows in found]
-    for zone in zones:
-        if len(zone.rows) != len(zones[0].rows) or not len(zone.rows):
-            raise InputError(f"{path}, line {zone.line + 1}: this zone has {len(zone.rows)} rows, the first "
-                             f"{len(zones[0].rows)}; the file is cut off")
-        if (zone.rows[:, 0] != zones[0].rows[:, 0]).any():
-            raise InputError(f"{path}, line {zone.line + 1}: frequencies of this zone are not those of the first")
-    return " ".join(head), zones
+    first = found[0][2]
+    for _, k, rows in found:
+        if len(rows) != len(first) or not rows:
+            raise InputError(f"{path}, line {k + 1}: this zone has {len(rows)} rows, the first {len(first)}; the file "
+                             "is cut off")
+        if any(row[0] != other[0] for row, other in zip(rows, first)):
+            raise InputError(f"{path}, line {k + 1}: frequencies of this zone are not those of the first")
+    values = np.array([rows for _, _, rows in found])
+    return _omega(path, " ".join(head), values[0, :, 0]), [zone[:2] for zone in found], values[:, :, 1:]
 
 
 def _omega(path: Path, head: str, column: FloatArray) -> FloatArray:
@@ -164,27 +157,25 @@ def _omega(path: Path, head: str, column: FloatArray) -> FloatArray:
 
 def _radiation(path: Path, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return omega, A, B; a zone is one motion (column j), its columns the forces (row i)."""
-    head, zones = _zones(path, 2 * n + 1)
-    if len(zones) != n:
-        raise InputError(f"{path}: {len(zones)} zones found, {n} needed (one for each degree of freedom)")
-    rows = np.stack([zone.rows for zone in zones])
-    return _omega(path, head, rows[0, :, 0]), rows[:, :, 1::2].transpose(1, 2, 0), rows[:, :, 2::2].transpose(1, 2, 0)
+    omega, titles, values = _zones(path, n)
+    if len(titles) != n:
+        raise InputError(f"{path}: {len(titles)} zones found, {n} needed (one for each degree of freedom)")
+    return omega, values[:, :, 0::2].transpose(1, 2, 0), values[:, :, 1::2].transpose(1, 2, 0)
 
 
 def _forces(path: Path, n: int, omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
     """Return directions [rad] and X [frequency, direction, i] as the file has it."""
-    head, zones = _zones(path, 2 * n + 1)
-    if not np.array_equal(_omega(path, head, zones[0].rows[:, 0]), omega):
+    found, titles, values = _zones(path, n)
+    if not np.array_equal(found, omega):
         raise InputError(f"{path}: its frequencies are not those of the radiation coefficients")
     angle = []
-    for zone in zones:
-        beta = re.search(r"beta\s*=\s*(\S+)\s*deg", zone.title)
+    for title, k in titles:
+        beta = re.search(r"beta\s*=\s*(\S+)\s*deg", title)
         value = text.number(beta.group(1)) if beta else None
         if value is None:
-            raise InputError(f"{path}, line {zone.line + 1}: no direction 'beta = ... deg' in {zone.title[:60]!r}")
+            raise InputError(f"{path}, line {k + 1}: no direction 'beta = ... deg' in {title[:60]!r}")
         angle.append(value)
-    rows = np.stack([zone.rows for zone in zones], axis=1)
-    return np.deg2rad(angle), rows[:, :, 1::2] * np.exp(1j * rows[:, :, 2::2])
+    return np.deg2rad(angle), (values[:, :, 0::2] * np.exp(1j * values[:, :, 1::2])).swapaxes(0, 1)
 
 
 def _hydrostatic(path: Path | None, case: NemohCase, notes: list[str]) -> FloatArray | None:

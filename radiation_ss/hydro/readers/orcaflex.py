@@ -4,6 +4,7 @@ Source: OrcaFlex help, "Vessel types: conventions" and "Stiffness, added mass an
 masses are tonnes and forces kN. Load RAOs are complex per metre of amplitude about `RAOOrigin`.
 """
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ MEANS = {"RAOPhaseConvention": {"leads": 1.0, "lags": -1.0},
          "RAOWaveUnit": {"amplitude": 1.0, "double amplitude": 2.0}}
 RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
 Tree = dict[str, Any]
+Line = tuple[int, int, str]  # number, indentation, content
 
 
 def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
@@ -70,7 +72,8 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
         raos = draught["LoadRAOs"]
         X, angle = _forces(file, kind, raos, omega, force / length * length ** power)
         about = file.table(raos, "RAOOrigin", (3,))
-        phase = about if file.default(raos, "PhaseOrigin") else file.table(raos, "PhaseOrigin", (3,))
+        left_out = set(str(raos.get("PhaseOrigin"))) <= set("[~, ]")
+        phase = about if left_out else file.table(raos, "PhaseOrigin", (3,))
         if np.allclose(length * about, origin):
             fields |= {"X": X * delay(omega, angle, (length * phase).tolist(), g, depth)[:, :, None],
                        "directions": angle}
@@ -117,7 +120,7 @@ class _Tree:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.lines: list[tuple[int, int, str]] = []  # number, indentation, content
+        found: list[Line] = []
         inside, section = False, ""
         for k, line in enumerate(text.lines(path)):
             content = " ".join(line.split())
@@ -127,45 +130,39 @@ class _Tree:
             if section not in ("General:", "Environment:", "VesselTypes:"):
                 continue
             if inside:
-                number, indent, begun = self.lines.pop()
+                number, indent, begun = found.pop()
                 content = f"{begun} {content}"
             else:
                 number, indent = k, len(line) - len(line.lstrip())
             inside = content.count("[") > content.count("]")
-            self.lines.append((number, indent, content))
-        self.at = 0
-        self.root = self._node(-1)
+            found.append((number, indent, content))
+        self.root = self._node(found)
 
-    def _node(self, above: int) -> Any:
-        """Return what stands deeper than `above`."""
-        if self.at >= len(self.lines) or self.lines[self.at][1] <= above:
-            return None
-        indent = self.lines[self.at][1]
-        if self.lines[self.at][2].startswith("["):  # a list of one line below its name
-            self.at += 1
-            return self.lines[self.at - 1][2]
+    def _node(self, lines: list[Line]) -> Any:
+        """Return what some lines hold: None, a list of one line below its name, a list of lines, or a mapping."""
+        if not lines or (len(lines) == 1 and lines[0][2].startswith("[")):
+            return lines[0][2] if lines else None
         items: list[Any] = []
         tree: Tree = {}
-        while self.at < len(self.lines) and self.lines[self.at][1] == indent:
-            number, _, content = self.lines[self.at]
-            if content.startswith("- "):
-                inner = content[2:]
-                if inner.startswith("[") or ": " not in inner + " ":
-                    self.at += 1
-                    items.append(inner)
-                else:
-                    self.lines[self.at] = (number, indent + 2, inner)
-                    items.append(self._node(indent))
-                continue
-            key, colon, value = (content + " ").partition(": ")
-            if not colon or key in tree:
+        starts = [k for k, line in enumerate(lines) if line[1] <= lines[0][1]]
+        for start, end in pairwise([*starts, len(lines)]):
+            (number, indent, content), below = lines[start], lines[start + 1:end]
+            item, inner = content.startswith("- "), content.removeprefix("- ")
+            key, colon, value = (inner + " ").partition(": ")
+            if item and colon and not inner.startswith("["):  # a mapping, its first entry beside the dash
+                value, below = "", [(number, indent + 2, inner), *below]
+            elif item:
+                value = inner
+            elif not colon or key in tree:
                 raise InputError(f"{self.path}, line {number + 1}: 'name: value' needed, each once, found "
                                  f"{content[:60]!r}")
-            self.at += 1
-            tree[key] = value.strip() if value.strip() else self._node(indent)
-        if (self.at < len(self.lines) and self.lines[self.at][1] > indent) or (items and tree):
-            number = self.lines[min(self.at, len(self.lines) - 1)][0]
-            raise InputError(f"{self.path}, line {number + 1}: wrong indentation")
+            if indent < lines[0][1] or (tree if item else items) or (below and value.strip()):
+                raise InputError(f"{self.path}, line {(below or lines[start:])[0][0] + 1}: wrong indentation")
+            held = value.strip() or self._node(below)
+            if item:
+                items.append(held)
+            else:
+                tree[key] = held
         return items or tree
 
     def top(self, name: str) -> Tree:
@@ -211,10 +208,6 @@ class _Tree:
             raise InputError(f"{self.path}: WavesReferredToBy: {says[:40]!r} is none of {list(WAVES)}")
         with np.errstate(divide="ignore"):
             return np.asarray(WAVES[says](np.asarray(values, dtype=float)))
-
-    def default(self, tree: Tree, key: str) -> bool:
-        """Return whether all of an entry is left to OrcaFlex (~)."""
-        return not set(str(tree.get(key))) - set("[~, ]")
 
     def table(self, tree: Tree, start: str, shape: tuple[int | None, ...], limits: bool = False) -> FloatArray:
         """Return the numbers of the entry whose name begins with `start`; rows stand in brackets.

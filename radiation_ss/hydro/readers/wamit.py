@@ -4,6 +4,7 @@ WAMIT has e^{+i w t} and leaves everything without dimension: A / (rho L^k), B /
 C / (rho g L^k). The density is in none of its files; gravity, length scale, depth and body axes only in .out.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +24,19 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     The files .1, .2, .3, .hst of one stem are read together; an .out beside them gives gravity, length scale, depth and
     body axes. An .out is read alone; its phases are whole degrees.
     """
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; one of the files of the run is needed")
     if path.suffix.lower() in (".out", ".wamit"):
         return _dimensional(path, *wamit_out.parse_out(path), length, "period", given)
     main, *others = (_sibling(path, suffix) for suffix in (".1", ".3", ".2", ".hst", ".out"))
     if main is None:
         raise InputError(f"{path.with_suffix('.1')}: no such file; added mass and damping are in the .1 file")
     diffraction, haskind, hst, out = others
-    notes: list[str] = []
-    radiation = parse_1(main, notes)
+    header = wamit_out.parse_header(out) if out else Header()
+    radiation = parse_1(main, header.notes)
     beside = diffraction or haskind
     forces = parse_3(beside, radiation.modes) if beside else None
-    stiffness = parse_hst(hst, notes) if hst else None
-    header = wamit_out.parse_header(out) if out else Header()
-    header.stiffness, header.notes[:0] = stiffness, notes
+    header.stiffness = parse_hst(hst, header.notes) if hst else None
     return _dimensional(main, header, radiation, forces, length, first_column, given)
 
 
@@ -95,7 +96,7 @@ def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) 
     if last <= 6 * max(1, known) or (known == 0 and not ragged):
         count = max(1, known, -(-last // 6))
         note = f"{path}: modes 7 to {last} taken as those of further bodies, not as generalised modes"
-        return six_dofs([f"body{k}" for k in range(1, count + 1)]), [note] * (count > max(1, known))
+        return six_dofs([""] * count), [note] * (count > max(1, known))
     if known > 1 or (not known and (last > 12 or stiff != last)):
         raise InputError(f"{path}: {last} modes of {known or 'unknown'} bodies: which are generalised cannot be told; "
                          "put the .out and .hst of the run beside it, one body a run, or run WAMIT with NEWMDS = 0")
@@ -123,10 +124,8 @@ def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
 def parse_1(path: Path, notes: list[str]) -> Radiation:
     """Parse PER I J A [B]; damping is absent in the limits of zero and infinite frequency."""
     table: Table = {}
-    k = 0
-    for k, line in _data_lines(path):
-        what = "period, i, j, added mass, damping"
-        values = text.row(path, k, line, (4, 5), what)
+    k, what = 0, "period, i, j, added mass, damping"
+    for k, values in _rows(path, (4, 5), what):
         if len(values) == 4 and values[0] > 0.0:
             raise InputError(f"{path}, line {k + 1}: 4 columns found, 5 needed ({what})")
         add(path, k, table.setdefault(values[0], {}), values[1:3], (*values[3:], 0.0)[:2])
@@ -149,8 +148,7 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
 def parse_3(path: Path, modes: list[int]) -> Forces:
     """Parse PER BETA I MOD PHASE RE IM."""
     table: Table = {}
-    for k, line in _data_lines(path):
-        values = text.row(path, k, line, 7, "period, heading, i, modulus, phase, real, imaginary part")
+    for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
         add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], complex(values[5], values[6]))
     return wamit_out.force_array(path, table, modes)
 
@@ -158,8 +156,7 @@ def parse_3(path: Path, modes: list[int]) -> Forces:
 def parse_hst(path: Path, notes: list[str]) -> FloatArray:
     """Parse I J C into a matrix; a file holds all entries of its modes. Rows that repeat are noted."""
     found: Entries = {}
-    for k, line in _data_lines(path):
-        values = text.row(path, k, line, 3, "i, j, stiffness")
+    for k, values in _rows(path, 3, "i, j, stiffness"):
         i, j = (text.index(path, k, value, MOST_MODES, "mode") for value in values[:2])
         if found.get((i, j), values[2]) != values[2]:
             raise InputError(f"{path}, line {k + 1}: modes {i}, {j} are there twice, with different stiffness")
@@ -173,10 +170,11 @@ def parse_hst(path: Path, notes: list[str]) -> FloatArray:
     return np.array([found[at] for at in sorted(found)]).reshape(size, size)
 
 
-def _data_lines(path: Path) -> list[tuple[int, str]]:
-    """Return the numbered lines with content; a first line of words is WAMIT's header."""
+def _rows(path: Path, columns: int | tuple[int, ...], what: str) -> Iterator[tuple[int, list[float]]]:
+    """Yield number and values of the lines with content; a first line of words is WAMIT's header."""
     rows = [(k, line) for k, line in enumerate(text.lines(path)) if line.strip()]
-    return rows[1:] if rows and text.number(rows[0][1].split()[0]) is None else rows
+    header = bool(rows) and text.number(rows[0][1].split()[0]) is None
+    yield from ((k, text.row(path, k, line, columns, what)) for k, line in rows[header:])
 
 
 COLUMN = dict(zip((4, 3, 2, 1, 5), wamit_out.READINGS))  # Output_frequency_type

@@ -37,7 +37,9 @@ def parse_out(path: Path) -> "tuple[Header, Radiation, Forces | None]":
     if end < len(lines):
         header.notes.append(f"{path}: second-order forces (from line {end + 1}) are not read")
     radiation, forces = _tables(path, lines[:end])
-    listed = _listed(lines)
+    start = next((k for k, line in enumerate(lines) if line.startswith("Period Time")), len(lines))
+    # The head lists each period with the time of its run; none where that was another run.
+    listed = len(list(itertools.takewhile(re.compile(r"\S+ \d+:\d+:\d+").match, lines[start + 1:])))
     if listed not in (0, len(radiation)):
         raise InputError(f"{path}: its head lists {listed} periods, {len(radiation)} are there; the file is cut off")
     if not listed:
@@ -90,13 +92,6 @@ def _tables(path: Path, lines: list[str]) -> "tuple[Table, Table]":
 def _lines(path: Path) -> list[str]:
     """Return the lines with one blank between words, whatever stood there."""
     return [" ".join(line.split()) for line in text.lines(path)]
-
-
-def _listed(lines: list[str]) -> int:
-    """Return how many periods the head lists, each with the time of its run; 0 where that was another run."""
-    start = next((k for k, line in enumerate(lines) if line.startswith("Period Time")), len(lines))
-    rows = itertools.takewhile(lambda line: re.match(r"\S+ \d+:\d+:\d+", line), lines[start + 1:])
-    return sum(1 for _ in rows)
 
 
 def add(path: Path, k: int, entries: "Entries", modes: Sequence[float], value: Any) -> None:

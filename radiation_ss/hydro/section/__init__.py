@@ -3,8 +3,7 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "green": "FarField",
     "shapes": "box_section circle_section lewis_section points_section read_section Section",
-    "solver": "section_2d SectionChecks SectionSolution solve_section",
+    "solver": "section_2d FarField SectionChecks SectionSolution solve_section",
     "strips": "strip_theory",
 })

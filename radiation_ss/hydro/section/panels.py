@@ -20,7 +20,7 @@ ORDER = 5  # nodes of an element
 
 Kernel = Callable[[ComplexArray, ComplexArray, ComplexArray], tuple[np.ndarray, np.ndarray]]
 Mirror = Callable[[ComplexArray], ComplexArray]
-
+Piece = tuple[Arc, float, float]
 
 # The points themselves, their mirror images about the still water surface, and about that and the centre line.
 same: Mirror = np.positive
@@ -43,7 +43,7 @@ class Mesh:
     points: ComplexArray
     normals: ComplexArray
     weights: FloatArray
-    pieces: tuple[tuple[Arc, float, float], ...]
+    pieces: tuple[Piece, ...]
     local: FloatArray
 
     @property
@@ -74,17 +74,18 @@ def build_mesh(section: Section, panels: int, K_max: float) -> Mesh:
     """Cut the half contour into elements and place the nodes."""
     pieces = _elements(section, max(1, round(panels / (2 * ORDER))), K_max)
     t, w = gauss(ORDER)
-    points, normals, weights = [], [], []
-    for arc, t0, t1 in pieces:
-        at = t0 + (t1 - t0) * t
-        slope = arc.slope(at)
-        points.append(arc.curve(at))
-        normals.append(-1j * slope / np.abs(slope))
-        weights.append(w * (t1 - t0) * np.abs(slope))
-    return Mesh(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), tuple(pieces), t)
+    points, normals, speeds = map(np.concatenate, zip(*(_along(piece, t) for piece in pieces)))
+    return Mesh(points, normals, np.tile(w, len(pieces)) * speeds, tuple(pieces), t)
 
 
-def _elements(section: Section, number: int, K_max: float, largest: float = 1.6) -> list[tuple[Arc, float, float]]:
+def _along(piece: Piece, x: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Return points, normals and speed |d(y + i z)/dx| of an element for x in [0, 1]."""
+    arc, t0, t1 = piece
+    slope = (t1 - t0) * arc.slope(t0 + (t1 - t0) * x)
+    return arc.curve(t0 + (t1 - t0) * x), -1j * slope / np.abs(slope), np.abs(slope)
+
+
+def _elements(section: Section, number: int, K_max: float, largest: float = 1.6) -> list[Piece]:
     """Cut the arcs into elements that shrink towards the waterline, corners and tight bilges.
 
     They grow with distance from these up to `largest` l/n, for n of them on a half contour of length l.
@@ -141,12 +142,11 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
     """
     unit, unit_weight = _dyadic(levels, nodes)
     fine, nq = np.linspace(0.0, 1.0, 65), unit.size
-    found: dict[str, list[np.ndarray]] = {
-        "target": [np.zeros(0, int)], "columns": [np.zeros((0, ORDER), int)], "Q": [np.zeros((0, nq), complex)],
-        "n": [np.zeros((0, nq), complex)], "weights": [np.zeros((0, nq, ORDER))]}
-    for element, (arc, t0, t1) in enumerate(mesh.pieces):
+    found: list[tuple[np.ndarray, ...]] = [(np.zeros(0, int), np.zeros((0, ORDER), int), np.zeros((0, nq), complex),
+                                            np.zeros((0, nq), complex), np.zeros((0, nq, ORDER)))]
+    for element, piece in enumerate(mesh.pieces):
         columns = element * ORDER + np.arange(ORDER)
-        distance = np.abs(targets[:, None] - mirror(arc.curve(t0 + (t1 - t0) * fine)))
+        distance = np.abs(targets[:, None] - mirror(_along(piece, fine)[0]))
         length = mesh.weights[columns].sum()
         near = np.flatnonzero(distance.min(axis=1) < near_by * length)
         split = fine[distance[near].argmin(axis=1)]
@@ -159,14 +159,10 @@ def near_rule(mesh: Mesh, targets: ComplexArray, mirror: Mirror, levels: int, no
             if not keep.any():
                 continue
             x = split[keep, None] + reach[keep, None] * unit
-            slope = (t1 - t0) * arc.slope(t0 + (t1 - t0) * x)
-            found["target"].append(near[keep])
-            found["columns"].append(np.broadcast_to(columns, (int(keep.sum()), ORDER)))
-            found["Q"].append(arc.curve(t0 + (t1 - t0) * x))
-            found["n"].append(-1j * slope / np.abs(slope))
-            ds = np.abs(slope) * np.abs(reach[keep, None]) * unit_weight
-            found["weights"].append(ds[..., None] * lagrange(mesh.local, x))
-    return NearRule(**{name: np.concatenate(parts) for name, parts in found.items()})
+            Q, n, speed = _along(piece, x)
+            ds = speed * np.abs(reach[keep, None]) * unit_weight
+            found.append((near[keep], np.tile(columns, (len(x), 1)), Q, n, ds[..., None] * lagrange(mesh.local, x)))
+    return NearRule(*map(np.concatenate, zip(*found)))
 
 
 def layers(kernel: Kernel, mesh: Mesh, targets: ComplexArray, mirror: Mirror,

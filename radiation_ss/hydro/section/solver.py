@@ -12,8 +12,8 @@ from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.linear_waves import depth_ratio, group_velocity, wave_number
 from radiation_ss.hydro.section.equations import Flow, infinite_frequency, prepare, solve_flow
-from radiation_ss.hydro.section.green import FarField
 from radiation_ss.hydro.section.panels import build_mesh
 from radiation_ss.hydro.section.shapes import Section, SectionLike, as_section
 
@@ -28,7 +28,7 @@ class SectionSolution:
     hydro: HydroData  # Coefficients per unit length; `.hydro.times(length)` for a body
     checks: "SectionChecks"
     section: Section
-    far_field: FarField  # Radiated and scattered waves
+    far_field: "FarField"  # Radiated and scattered waves
 
 
 def section_2d(section: SectionLike, omega: ArrayLike, depth: float = np.inf, **options: Any) -> HydroData:
@@ -157,6 +157,43 @@ def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
         return C, None
     square = np.diag([positive(gyradius, "gyradius", "m") ** 2, 0.0, 0.0])
     return C, rho * S * rigid_inertia(1.0, square, np.array([0.0, 0.0, z_G]))[1:4, 1:4]
+
+
+@dataclass(frozen=True, eq=False)
+class FarField:
+    """Waves far away from the section."""
+
+    # (nw, 2, 3): Complex wave amplitude [m per m/s, m per rad/s] towards +y and -y of unit velocity in Sway, Heave and
+    # Roll, with the phase at y = 0
+    radiated: ComplexArray
+    # reflection, transmission (nw,): Complex coefficients of the fixed section
+    reflection: ComplexArray
+    transmission: ComplexArray
+    group_velocity: FloatArray  # (nw,): c_g [m/s]
+    kochin: ComplexArray  # (nw, 2, 3): int (phi_n - phi d/dn) cosh k0(z + h)/cosh k0 h e^{+-i k0 y} ds
+    rho: float
+    g: float
+
+    @classmethod
+    def build(cls, omega: FloatArray, depth: float, rho: float, g: float, kochin: ComplexArray,
+              scattered: ComplexArray) -> "FarField":
+        """Build it from Kochin functions of the radiation (nw, 2, 3) and scattering (nw, 2) potentials."""
+        k0 = wave_number(omega ** 2 / g, depth)
+        # Far away G -> 2 pi i Z(z_P) Z(z_Q) e^{-i k0 |X|} g / omega times this factor, Z = `profile`.
+        factor = omega / (g * np.tanh(k0 * depth) * (1.0 + depth_ratio(k0, depth)))
+        return cls(factor[:, None, None] * kochin, factor * scattered[:, 1], 1.0 + factor * scattered[:, 0],
+                   group_velocity(omega, k0, depth), kochin, rho, g)
+
+    @property
+    def damping(self) -> FloatArray:
+        """Damping from the energy of the radiated waves (35), shape (nw, 3, 3)."""
+        products = np.einsum("wsi,wsj->wij", self.radiated, np.conj(self.radiated)).real
+        return self.rho * self.g * self.group_velocity[:, None, None] * products
+
+    @property
+    def haskind(self) -> ComplexArray:
+        """Exciting force of a wave towards +y from the radiation problem by Haskind's relation, shape (nw, 3)."""
+        return -self.rho * self.g * self.kochin[:, 1]
 
 
 @dataclass(frozen=True, eq=False)

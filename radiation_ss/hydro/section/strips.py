@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray, positive
+from radiation_ss.arrays import positive, read_only
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.clean import rigid_inertia
+from radiation_ss.hydro.clean import rigid_inertia, velocity_transform
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.section.shapes import SectionLike, as_section
 from radiation_ss.hydro.section.solver import section_2d
@@ -65,7 +65,7 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
         total = 0.0
         for (p, a), (q, b) in pairwise(zip(x, strips)):
             for position, strip, weight in ((p, a, 1.0), (0.5 * (p + q), 0.5 * (a + b), 4.0), (q, b, 1.0)):
-                T = _local(position)
+                T = velocity_transform(DOFS, np.array([position, 0.0, 0.0]))[:3]  # to the section's three motions
                 total = total + (q - p) / 6.0 * weight * (strip @ T if name == "X" else T.T @ strip @ T)
         return np.asarray(total)
 
@@ -77,19 +77,10 @@ def strip_theory(stations: Sequence[tuple[float, SectionLike | None]], omega: Ar
     x_B = sum((b - a) / 6.0 * (p * a + (p + q) * (a + b) + q * b) for a, b, p, q in zip(x, x[1:], areas, areas[1:]))
     M = None
     if gyradii is not None:
-        squares = np.diag([positive(k, "gyradii", "m") ** 2 for k in gyradii])
+        squares = np.diag([positive(k, "gyradii", "m") ** 2 for k in read_only(gyradii, "gyradii [m]", (3,))])
         M = first.rho * volume * rigid_inertia(1.0, squares, np.array([x_B / volume, 0.0, centre_of_gravity]))[1:, 1:]
     return HydroData(omega=first.omega, A=along("A"), B=along("B"), A_inf=along("A_inf"), C=C, M=M, X=along("X"),
                      dofs=DOFS, rho=first.rho, g=first.g, depth=first.depth, directions=first.directions,
                      source=f"strip theory, {len(known)} sections",
                      notes=tuple(dict.fromkeys(f"{flow.source}: {flow.notes[0]}" for flow in known)))
-
-
-def _local(x: float) -> FloatArray:
-    """Return T (3, 5) from the ship's motions to sway, heave and roll of the section at x."""
-    T = np.zeros((3, 5))
-    T[0, [0, 4]] = 1.0, x
-    T[1, [1, 3]] = 1.0, -x
-    T[2, 2] = 1.0
-    return T
 
