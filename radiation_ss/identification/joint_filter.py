@@ -14,7 +14,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import Channels, motion_channels
 from radiation_ss.identification.force import Window, force_model, smoothed
-from radiation_ss.identification.motion_only import Race, describe_sea, structures
+from radiation_ss.identification.motion_only import describe_sea, structures
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
 from radiation_ss.inference.laplace import find_peak, sample
@@ -120,7 +120,7 @@ def first(body: Belief, part: SpectralLikelihood, y: FloatArray, study: Study) -
     draws.
     """
     study = replace(study, points=None)         # the body's belief holds them
-    best = structures(study, [block_likelihood(part, y)], [body], Race())[0]
+    best = structures(study, [block_likelihood(part, y)], [body])[0]
     target = replace(study.target([*best.parts, body]), kept=None)
     draws, _ = sample(target, best.modes, study.rng, 4 * study.rules.draws, 0.0)
     covariance = np.cov(draws.T) + 1e-9 * np.eye(target.size)
