@@ -16,6 +16,7 @@ from radiation_ss.identification.channels import known_force, motion_channels, t
 from radiation_ss.identification.force import compare_forces, estimate_force
 from radiation_ss.identification.laws import law_warnings, least_of, score_laws
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
+from radiation_ss.identification.sea import FAMILIES
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious, with_body_held
 from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
@@ -48,7 +49,7 @@ def by_motion_only(study: Study) -> Findings:
     changes = {}
     for i, (record, part) in enumerate(zip(runs, parts)):
         name, seas = record.name, [branch.sea(i) for branch in branches]
-        families = dict.fromkeys(part.sea.prior.families, 0.0)
+        families = dict.fromkeys(FAMILIES, 0.0)
         for branch, (own, _) in zip(branches, seas):
             families[own.sea.name] += branch.probability
         sea[name] = describe_sea(seas, families)
