@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.body.dynamics import Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 
 if TYPE_CHECKING:
     import control as ct
-
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.TransferFunction, *,

@@ -17,8 +17,8 @@ from radiation_ss.identification.laws import (
     lawful_draws,
     laws_of,
     least_of,
+    placed,
     score_laws,
-    size_of,
     strength,
     taken_apart,
 )
@@ -85,9 +85,7 @@ def weighed_dampers(study: Study, parts: list[MotionLikelihood],
     damped, reached, names = with_dampers(study, parts, peak.phi)
     if reached is None:
         return parts, [peak], []
-    places = study.target(damped).places[-len(damped):]
-    columns = [at.start + part.first_law + k for part, at in zip(damped, places) for k, law in enumerate(part.laws)
-               if law.name in names]
+    columns = [at for law, at in placed(study.target(damped), damped) if law.name in names]
     return damped, [reached, without(peak, columns)], names
 
 
@@ -121,9 +119,9 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
         if reached is not None:
             damped, start = followed(study, damped, target, reached.phi, name)
             reached = climbed(study.target(damped), start)
-    places = study.target(damped).places[-len(damped):]
     lacking = reached is not None and all(
-        strength(name, damped, places, reached.phi[None])[0] > least_of(study, name) for name in names)
+        strength(name, placed(study.target(damped), damped), reached.phi[None])[0] > least_of(study, name)
+        for name in names)
     return damped, reached if lacking else None, names
 
 
@@ -184,7 +182,9 @@ def by_prediction_error(study: Study) -> Findings:
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
     told = [law for law in found if tests[law]["p"] < study.rules.nonlinear]
-    damping = {law: (values, size_of(law, parts)) for law, values in found.items() if taken_apart(law)[0] in LINEAR}
+    # With the prior's standard deviation, the largest of all records.
+    damping = {name: (values, max(law.unit for part in parts for law in part.laws if law.name == name))
+               for name, values in found.items() if taken_apart(name)[0] in LINEAR}
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
                     centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands))
@@ -199,9 +199,9 @@ def posterior(study: Study, parts: list[MotionLikelihood],
         parts, peaks, weighed = weighed_dampers(study, parts, peak)
         target = study.target(parts)
     draws, share = sample(target, peaks, study.rng, study.rules.draws, study.rules.least_passive)
-    places = target.places[-len(parts):]
-    draws = lawful_draws(study, parts, places, draws)
-    found = {law: strength(law, parts, places, draws) for law in (*laws, *weighed)}
+    own = placed(target, parts)
+    draws = lawful_draws(study, own, draws)
+    found = {law: strength(law, own, draws) for law in (*laws, *weighed)}
     for law, values in found.items():
         sure = float(values.mean() ** 2 / max(values.var(), 1e-300))
         tested = {} if law in weighed else tests.get(law, {})
