@@ -228,6 +228,14 @@ def test_few_frequencies_make_no_pole_far_beyond_them():
         assert np.abs(np.linalg.eigvals(fit.a)).max() < 60.0 and fit.relative_error < (0.1 if order == 2 else 0.01)
 
 
+def test_a_free_fit_keeps_its_poles_near_the_band_and_is_no_worse_than_the_passive_one():
+    section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 30.0, 60), gyradius=0.07)
+    data = section.select(["Sway", "Roll"])
+    free, passive = rss.fit_radiation(data, 4, passive=False), rss.fit_radiation(data, 4)
+    assert free.stable and np.abs(np.linalg.eigvals(free.a)).max() < 320.0
+    assert free.relative_error <= passive.relative_error
+
+
 def test_a_point_between_the_frequencies_is_met_near_the_truth():
     data = data_of(*random_passive(5, 1, 3), omega=np.linspace(0.2, 6.0, 30), dofs=("Heave",))
     fine = data_of(*random_passive(5, 1, 3), omega=np.linspace(0.2, 6.0, 59), dofs=("Heave",))

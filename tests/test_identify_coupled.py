@@ -8,7 +8,7 @@ from identify_tank import jonswap
 from test_identify_known import sway_roll
 
 from radiation_ss import HydroData, Model, Record, identify
-from radiation_ss.identification import Race, Settings, Study, motion_channels, spectral_likelihood
+from radiation_ss.identification import Settings, Study, climb, motion_channels, spectral_likelihood
 from radiation_ss.inference import parametrise
 
 AT = np.linspace(0.8, 2.6, 20)
@@ -69,7 +69,7 @@ def test_a_climb_along_the_ridge_reaches_one_mode_from_any_body(seed):
     target, rng, values = study.target([part]), np.random.default_rng(seed), []
     for size in (0.0, 0.7, 0.7):
         start = np.r_[size * rng.standard_normal(form.size), np.zeros(part.size)]
-        values.append(Race(ridge=300).climb(target, start, model.n).value)
+        values.append(climb(target, start, model.n, ridge=300).value)
     assert np.ptp(values) < 1.0
 
 

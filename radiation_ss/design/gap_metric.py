@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
+from radiation_ss.body.dynamics import Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 
 if TYPE_CHECKING:
     import control as ct
-
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.TransferFunction, *,
@@ -120,10 +119,9 @@ def continuous(system: ct.StateSpace | ct.TransferFunction, input_scale: ArrayLi
     system = ct.ss(system)
     a, b, c, d = system.A, system.B, system.C, system.D
     if system.isdtime(strict=True):
-        N = a.shape[0]
-        inverse = np.linalg.inv(a + np.eye(N))
-        root = np.sqrt(2.0)
-        a, b, c, d = inverse @ (a - np.eye(N)), root * inverse @ b, root * c @ inverse, d - c @ inverse @ b
+        one, root = np.eye(a.shape[0]), np.sqrt(2.0)
+        inverse = np.linalg.inv(a + one)
+        a, b, c, d = inverse @ (a - one), root * inverse @ b, root * c @ inverse, d - c @ inverse @ b
     u, y = scale(input_scale, d.shape[1], "input_scale"), scale(output_scale, d.shape[0], "output_scale")
     return a, b * u, c / y[:, None], d * u / y[:, None]
 
@@ -165,19 +163,13 @@ def series(second: Matrices, first: Matrices) -> Matrices:
     return a, np.vstack([b1, b2 @ d1]), np.hstack([d2 @ c1, c2]), d2 @ d1
 
 
-def adjoint(system: Matrices) -> Matrices:
-    """Return G~(s) = G(-s)^T."""
-    a, b, c, d = system
-    return -a.T, -c.T, b.T, d.T
-
-
 def winds_as_needed(first: Matrices, second: Matrices) -> bool:
     """Return whether det(G2~ G1) does not vanish on the axis and winds zero times: as many unstable zeros as poles."""
-    a, b, c, d = series(adjoint(second), first)
+    a, b, c, d = second
+    a, b, c, d = series((-a.T, -c.T, b.T, d.T), first)  # G~(s) = G(-s)^T
     if abs(np.linalg.det(d)) < 1e-12:
         return False
-    zeros = np.linalg.eigvals(a - b @ np.linalg.solve(d, c)) if a.size else np.zeros(0)
-    poles = np.linalg.eigvals(a) if a.size else np.zeros(0)
+    zeros, poles = np.linalg.eigvals(a - b @ np.linalg.solve(d, c)), np.linalg.eigvals(a)
     return int(np.sum(zeros.real > 0.0)) == int(np.sum(poles.real > 0.0))
 
 

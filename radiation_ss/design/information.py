@@ -24,7 +24,7 @@ class Information:
     """Information on the model's numbers (n of them) and on effects' strengths, each of unit prior variance."""
 
     terms: tuple[Term, ...]  # One for each effect and place
-    places: tuple[FloatArray, ...]  # Rows of each term's strengths
+    places: tuple[FloatArray, ...]  # Rows of each term's strengths, behind the model's own numbers
     nominal: int  # Number of the model's own numbers; they come first
     tests: FloatArray  # (nt, p, p): Of each test, its unknown start marginalised
 
@@ -37,43 +37,36 @@ class Information:
         """Return the information of tests on the strengths while the model's numbers move within tolerance."""
         n = self.nominal
         total = self.tests[list(chosen)].sum(axis=0)
-        return beside(total[n:, n:], total[:n, n:], total[:n, :n] + np.eye(n))
+        return total[n:, n:] - total[:n, n:].T @ np.linalg.solve(total[:n, :n] + np.eye(n), total[:n, n:])
 
-    def detectability(self, chosen: Sequence[int]) -> FloatArray:
-        """Return by how many standard deviations each effect of typical size stands out, shape (k,)."""
-        A = self.beside_nominal(chosen)
-        return np.array([strongest(A[np.ix_(at, at)]) for at in self._within()])
+    def alone(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the same if the model's own numbers were exactly known."""
+        return self.tests[list(chosen)].sum(axis=0)[self.nominal:, self.nominal:]
 
-    def exact(self, chosen: Sequence[int]) -> FloatArray:
-        """Return the same if the model's own numbers were exactly known, shape (k,)."""
-        total = self.tests[list(chosen)].sum(axis=0)[self.nominal:, self.nominal:]
-        return np.array([strongest(total[np.ix_(at, at)]) for at in self._within()])
+    def detectability(self, chosen: Sequence[int], exact: bool = False) -> FloatArray:
+        """Return by how many standard deviations each effect of typical size stands out, shape (k,).
+
+        `exact`: if the model's own numbers were exactly known.
+        """
+        A = self.alone(chosen) if exact else self.beside_nominal(chosen)
+        return np.array([strongest(A[np.ix_(at, at)]) for at in self.places])
 
     def separation(self, chosen: Sequence[int]) -> FloatArray:
         """Return what is left of row i's detectability when effect j may act too, at any size, shape (k, k)."""
-        A, own = self.beside_nominal(chosen), self.tests[list(chosen)].sum(axis=0)[self.nominal:, self.nominal:]
-        within = self._within()
-        result = np.tile(self.detectability(chosen)[:, None], (1, len(within)))
-        for j, at in enumerate(within):
+        A, own = self.beside_nominal(chosen), self.alone(chosen)
+        result = np.tile(self.detectability(chosen)[:, None], (1, len(self.places)))
+        for j, at in enumerate(self.places):
             left = A - A[:, at] @ inverse(A[np.ix_(at, at)], own[np.ix_(at, at)]) @ A[at]
-            for i, rows in enumerate(within):
+            for i, rows in enumerate(self.places):
                 if i != j:
                     result[i, j] = strongest(left[np.ix_(rows, rows)])
         return result
-
-    def _within(self) -> list[FloatArray]:
-        return [at - self.nominal for at in self.places]
 
 
 def strongest(matrix: FloatArray) -> float:
     """Return the square root of the largest eigenvalue."""
     value = matrix[0, 0] if matrix.shape == (1, 1) else np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[-1]
     return float(np.sqrt(max(float(value), 0.0)))
-
-
-def beside(own: FloatArray, cross: FloatArray, other: FloatArray) -> FloatArray:
-    """Return what is left of the information `own` when the others are unknown, too: a Schur complement."""
-    return own - cross.T @ np.linalg.solve(other, cross)
 
 
 def inverse(matrix: FloatArray, own: FloatArray, rounding: float = 1e-10) -> FloatArray:
@@ -123,16 +116,20 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
         if gap is not None:
             factor = size_for(gap, plan, change, full)
             change = [part * factor for part in change]
-        alone = Information((term,), (np.arange(n, n + change[0].shape[-1]),), n, seen(change))
+        alone = Information((term,), (np.arange(change[0].shape[-1]),), n, seen(change))
         value = float(alone.detectability(range(len(tests)))[0])
         if term.key not in best or value > best[term.key][0]:
             best[term.key] = (value, term, change)
     kept = list(best.values())
-    ends = n + np.cumsum([change[0].shape[-1] for _, _, change in kept])
-    places = tuple(np.arange(end - change[0].shape[-1], end) for end, (_, _, change) in zip(ends, kept))
+    places = side_by_side([change[0].shape[-1] for _, _, change in kept])
     together = [np.concatenate([own[..., :0], *(change[r] for _, _, change in kept)], axis=-1)
                 for r, own in enumerate(nominal)]
     return Information(tuple(term for _, term, _ in kept), places, n, seen(together))
+
+
+def side_by_side(counts: Sequence[int]) -> tuple[FloatArray, ...]:
+    """Return the rows of terms with so many strengths each."""
+    return tuple(np.arange(end - count, end) for end, count in zip(np.cumsum(counts), counts))
 
 
 def size_for(gap: float, plan: Simulated, changes: Sequence[FloatArray], full: Sequence[bool]) -> float:
@@ -166,8 +163,7 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
         part.times(np.diag(part.spread), values)
         lone.append(values[:, [not label.startswith(("offset|", "drift|")) for label in part.labels]])
     nuisance = np.concatenate([common[:, own:], *lone, absorbed(problem)], axis=1)
-    ends = own + np.cumsum([term.columns.count for term in terms])
-    places = tuple(np.arange(end - term.columns.count, end) for end, term in zip(ends, terms))
+    places = side_by_side([term.columns.count for term in terms])
     known = Beside.of(J, nuisance / np.sqrt(variance)[:, None])
     return Information(tuple(terms), places, own, known.information(J[:, :0])[None])
 

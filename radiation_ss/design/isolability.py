@@ -63,7 +63,7 @@ class Confound:
 
 def unseen(information: Information, whole: Sequence[int]) -> Iterator[Unseen]:
     """Yield what the whole menu does not show."""
-    rows = zip(information.labels, information.detectability(whole), information.exact(whole))
+    rows = zip(information.labels, information.detectability(whole), information.detectability(whole, exact=True))
     for label, value, alone in rows:
         if value < SHOWN:
             yield Unseen(label, f"retuning the model within its tolerances makes the same motion: {value:.1f} standard "

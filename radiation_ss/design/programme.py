@@ -61,7 +61,8 @@ def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[floa
     for i in range(model.n):
         runs += scaled(model, "forced sweep" + of(model, i), "known force of an actuator from half to twice the natural"
                        " frequency", sweep(model, i), amplitude, peak=1.0)
-    runs = [replace(run, description=sized(run.description, model, amplitude)) for run in runs] if told else runs
+    sizes = ", ".join(f"{amplitude[dof]:.3g} {motion_unit(dof)}" for dof in model.dofs)
+    runs = [replace(run, description=f"{run.description} (amplitude: {sizes})") for run in runs] if told else runs
     return [replace(run, name=run.name + extra, quantities=quantities)
             for run in runs for extra, quantities in (("", PLAIN), (" + accelerometer", BOTH))]
 
@@ -69,12 +70,6 @@ def standard_tests(model: Model, amplitude: Mapping[str, float], sea: tuple[floa
 def of(model: Model, i: int) -> str:
     """Return ' of Heave' where there are several degrees of freedom."""
     return f" of {model.dofs[i]}" if model.n > 1 else ""
-
-
-def sized(text: str, model: Model, amplitude: Mapping[str, float]) -> str:
-    """Return a description with the full amplitude in numbers."""
-    sizes = ", ".join(f"{amplitude[dof]:.3g} {motion_unit(dof)}" for dof in model.dofs)
-    return f"{text} (amplitude: {sizes})"
 
 
 def decays(model: Model, i: int, amplitude: float) -> list[PlannedTest]:
@@ -222,22 +217,18 @@ class Simulated:
 
 def simulated(model: Model, records: Sequence[Record], full: Sequence[bool], noise: float) -> Simulated:
     """Return simulated records; the size of readings is that of the records at full amplitude, or of all."""
-    runs = [differentiated(measured_motion(model, record, Resolution(noise_floor=0.0))) for record in records]
-    for run in runs:
+    runs = [measured_motion(model, record, Resolution(noise_floor=0.0)) for record in records]
+    for i, run in enumerate(runs):
         if run.force is None or run.prescribed:
             said = "no known force" if run.force is None else "a given motion"
             raise InputError(f"test {run.record.name}: kind {run.record.kind!r} with {said}; a planned test is a "
                              "decay, or the body moves freely under a known force or wave elevation")
+        path = make_interp_spline(run.time, run.raw, k=5, axis=1)       # the displacement itself: it has no noise
+        runs[i] = replace(run, x=run.raw, v=path(run.time, 1), a=path(run.time, 2))
     large = [run for run, is_full in zip(runs, full) if is_full] or runs
     sizes = np.stack([np.sqrt(np.mean([np.mean(getattr(run, name) ** 2, axis=1) for run in large], axis=0))
                       for name in "xva"])
     return Simulated(model, tuple(runs), sizes, noise)
-
-
-def differentiated(run: MeasuredMotion) -> MeasuredMotion:
-    """Return a run whose motion is the displacement itself: it has no noise."""
-    spline = make_interp_spline(run.time, run.raw, k=5, axis=1)
-    return replace(run, x=run.raw, v=spline(run.time, 1), a=spline(run.time, 2))
 
 
 def response(model: Model, force: FloatArray, dt: float, start: FloatArray | None = None) -> FloatArray:

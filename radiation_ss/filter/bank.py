@@ -7,7 +7,8 @@ bank's tangents, with the lognormal prior: .2 ms a sample.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -231,24 +232,6 @@ def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
     return state.mean[rows, -1], np.sqrt(spread + np.maximum(np.diag(state.cov)[rows], 0.0))
 
 
-@dataclass(frozen=True)
-class OfPlants:
-    """log p(record | parameters) of a plant whose force is known, by a bank of neighbouring ones."""
-
-    run: Callable[[tuple[float, ...]], BankRun]
-    size: int = 0
-
-    def value(self, u: FloatArray, v: FloatArray) -> float:
-        """Return the log likelihood; -inf where the plant is unstable."""
-        return self.local(u, v)[0]
-
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, gradient and Fisher information."""
-        found = self.run(tuple(u.tolist()))
-        there = np.isfinite(found.cost) and np.isfinite(found.information).all()
-        return -0.5 * found.cost if there else -np.inf, found.gradient, found.information
-
-
 def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
                 passes: int = 30, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
     """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
@@ -273,9 +256,15 @@ def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings,
         with np.errstate(over="ignore", invalid="ignore"):   # a step too far may make the plant unstable
             return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
 
+    def local(u: FloatArray, _: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        run = learned(tuple(u.tolist()))
+        there = np.isfinite(run.cost) and np.isfinite(run.information).all()
+        return -0.5 * run.cost if there else -np.inf, run.gradient, run.information
+
     u, information, found = np.zeros(d), np.zeros((d, d)), None
     if np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any():
-        target = Target(d, [OfPlants(learned)], lambda rows: np.ones(rows.shape[0], dtype=bool))
+        likelihood: Any = SimpleNamespace(size=0, value=lambda u, v: local(u, v)[0], local=local)
+        target = Target(d, [likelihood], lambda rows: np.ones(rows.shape[0], dtype=bool))
         try:
             peak = find_peak(target, u, Climb(passes, settled**2))
         except SolverError:

@@ -140,7 +140,9 @@ class DefaultEngine:
         self.placed = finish(drawing.members())
         self.counts = np.array([self.placed.unstable, self.placed.not_passive])
         theta = np.column_stack([self.placed.theta, self.placed.centre, drawing.parts.theta])
-        self.state = FilterState.at_rest(theta, start, 4 * system.plan.n)
+        count = np.zeros(4 * system.plan.n, dtype=np.int64)
+        self.state = FilterState(theta, np.zeros((len(start), theta.shape[1])), start.copy(), count,
+                                 np.full(count.size, np.nan), count.copy())
         self.iterated = IteratedUpdate(system, start, rules.learn, drawing)
         self.information = np.zeros((drawing.size, drawing.size))
         none = SampleBlock(np.zeros((0, 4 * system.plan.n)), np.zeros(0), np.zeros(0, dtype=np.int64))

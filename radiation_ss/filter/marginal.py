@@ -57,13 +57,6 @@ class FilterState(NamedTuple):
         """Number of members."""
         return self.theta.shape[1] - 2
 
-    @classmethod
-    def at_rest(cls, theta: FloatArray, P: FloatArray, channels: int) -> "FilterState":
-        """Return the state before the first sample."""
-        count = np.zeros(channels, dtype=np.int64)
-        return cls(np.ascontiguousarray(theta), np.zeros((P.shape[0], theta.shape[1])), P.copy(), count,
-                   np.full(channels, np.nan), count.copy())
-
 
 def system_of(plan: MotionPlan, force: ForceModel, noise: FloatArray) -> System:
     """Return the system; noise (4, n) are the sensors' standard deviations, NaN where there is none."""

@@ -215,17 +215,12 @@ def notes_on_points(data: HydroData, points: FloatArray) -> list[str]:
     between = [w for w in points if not np.isclose(data.omega, w, rtol=1e-9, atol=0.0).any()]
     said = [f"points: {', '.join(f'{w:g}' for w in between)} rad/s lie between the frequencies of the data; K is "
             "interpolated there by a cubic, and met as that has it"] if between else []
-    return said + asymmetry_at(data, points)
-
-
-def asymmetry_at(data: HydroData, points: FloatArray) -> list[str]:
-    """Return a note where K of the data is not symmetric at the points."""
     at = np.array([np.abs(data.omega - w).argmin() for w in points], dtype=int)
     K = data.K[at]
     half, mean = np.abs(K - np.swapaxes(K, 1, 2)) / 2.0, np.abs(K + np.swapaxes(K, 1, 2)) / 2.0
     share = np.divide(half, mean, out=np.zeros(half.shape), where=half > 1e-9 * mean.max(initial=0.0))
     if not share.any():
-        return []
+        return said
     _, i, j = np.unravel_index(share.argmax(), share.shape)
-    return [f"points: K of the data is not symmetric there, {data.dofs[i]}-{data.dofs[j]} by up to {share.max():.1%} "
-            "of its mean with the transpose; the mean of both is what is met"]
+    return [*said, f"points: K of the data is not symmetric there, {data.dofs[i]}-{data.dofs[j]} by up to "
+                   f"{share.max():.1%} of its mean with the transpose; the mean of both is what is met"]

@@ -222,13 +222,14 @@ def _unstable(form: Port, theta: FloatArray) -> bool:
 
 
 def _released(port: Port, theta: FloatArray, problem: Problem) -> tuple[Port, FloatArray]:
-    """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable."""
-    free, start = port.released(theta)
+    """Return the free fit from a passive one: D1 and D2 may turn negative as long as all poles stay stable and near."""
+    free, start = port.released(_slowed(port, theta, problem))
     misfit = misfit_of(free, problem)
 
     def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
         value, jacobian = misfit(theta)
-        return (np.full(1, np.inf) if _unstable(free, theta) else value), jacobian
+        left = _unstable(free, theta) or _too_fast(free, theta, problem)
+        return (np.full(1, np.inf) if left else value), jacobian
 
     return free, minimise(residual, start, 300)[0]
 

@@ -188,37 +188,32 @@ def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int =
     return theta
 
 
-def on_points(port: Port, problem: Problem, theta: FloatArray) -> FloatArray:
-    """Return theta moved onto the frequency points; theta itself where that cannot be."""
+def on_points(port: Port, problem: Problem, theta: FloatArray, steps: int = 40) -> FloatArray:
+    """Return theta moved onto the frequency points to round-off; theta itself where that cannot be.
+
+    By damped Newton steps of least norm, at most `steps`.
+    """
     if not problem.x_points.size:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]
-    keep = np.flatnonzero(_rows(problem))
+    keep, moved = np.flatnonzero(_rows(problem)), theta
     values = _values(problem, theta, np.zeros((port.states, port.size)))
-    try:
-        return onto(lambda v: tuple(np.asarray(u)[keep] for u in points(v, values)), theta)
-    except RuntimeError:  # CasADi's of a model with a pole at a point
-        return theta
+    for _ in range(steps):
+        try:
+            g, J = (np.asarray(part)[keep] for part in points(moved, values))
+        except RuntimeError:  # CasADi's of a model with a pole at a point
+            return theta
+        if np.abs(g).max() < 1e-15:
+            break
+        step = np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
+        moved = moved - step * min(1.0, 0.3 * float(np.linalg.norm(moved)) / max(float(np.linalg.norm(step)), 1e-300))
+    return moved
 
 
 def _values(problem: Problem, theta: FloatArray, slopes: FloatArray) -> FloatArray:
     K, w, Kc = problem.K, problem.weight / problem.norm, problem.K_points
     return np.concatenate([problem.x, *(u.ravel(order="F") for u in (K.real, K.imag, w)), problem.x_points,
                            Kc.real.ravel(order="F"), Kc.imag.ravel(order="F"), theta, slopes.ravel(order="F")])
-
-
-def onto(equations: Any, v: FloatArray, steps: int = 40) -> FloatArray:
-    """Return the variables moved onto equations to round-off, by damped Newton steps of least norm.
-
-    `equations`: v -> values, shape (rows, 1), and their Jacobian. `steps`: at most.
-    """
-    for _ in range(steps):
-        g, J = equations(v)
-        if g.size == 0 or np.abs(g).max() < 1e-15:
-            break
-        step = np.linalg.lstsq(J, g[:, 0], rcond=1e-13)[0]
-        v = v - step * min(1.0, 0.3 * float(np.linalg.norm(v)) / max(float(np.linalg.norm(step)), 1e-300))
-    return v
 
 
 def _rows(problem: Problem) -> np.ndarray:

@@ -135,14 +135,19 @@ def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
     return np.r_[h, np.zeros(n - h.size)][:n]
 
 
-def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray],
+               samples: int = 120) -> tuple[FloatArray, FloatArray]:
     """Return (den, num), scaled, that minimise sum (L(t_i) - c exp(a t_i) b)^2 from a start: the paper's fit.
 
     Kernel samples, quasi-Newton, numerical differences, no constraint (Yu and Falnes 1995; Hanaki et al. 2022, section
     2). It may be unstable or not passive, and depends on its start. `problem`: of one degree of freedom. `first`
     (order,): start values (den, num), constant term first.
     """
-    t, kernel = kernel_samples(problem)
+    t = np.linspace(0.0, 12.0 * np.pi / problem.x[-1], samples)
+    x, damping = np.r_[0.0, problem.x], np.r_[0.0, problem.K[:, 0].real]
+    if not problem.zero:
+        damping[0] = damping[1]
+    kernel = 2.0 / np.pi * trapezoid(damping * np.cos(np.outer(t, x)), x, axis=1)  # (2), over the band
 
     def misfit(theta: FloatArray) -> float:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -152,12 +157,3 @@ def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray
 
     best = minimize(misfit, np.concatenate(first), method="BFGS")
     return best.x[:order], best.x[order:]
-
-
-def kernel_samples(problem: Problem, count: int = 120) -> tuple[FloatArray, FloatArray]:
-    """Return scaled times and L(t) = 2/pi int B cos(w t) dw over the band (2)."""
-    t = np.linspace(0.0, 12.0 * np.pi / problem.x[-1], count)
-    x, damping = np.r_[0.0, problem.x], np.r_[0.0, problem.K[:, 0].real]
-    if not problem.zero:
-        damping[0] = damping[1]
-    return t, np.asarray(2.0 / np.pi * trapezoid(damping * np.cos(np.outer(t, x)), x, axis=1))

@@ -8,7 +8,7 @@ __getattr__, __all__ = door(__name__, {
     "force": "ForceSpectra smooth_one total_deviation",
     "haskind": "relation",
     "motion_likelihood": "Law MotionLikelihood uncoupled",
-    "motion_only": "Race",
+    "motion_only": "climb",
     "passivity": "nearest_passive passive",
     "sea": "SeaModel",
     "spectral": "SpectralRules spectral_likelihood",

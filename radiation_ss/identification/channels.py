@@ -95,7 +95,7 @@ def motion_channels(model: Model, record: Record, least_periods: float = 2.0) ->
                          f"its columns are {', '.join(record.channels)}")
     labels = tuple(model.dofs[j] + ENDINGS[q] for j, q in pick)
     start, dt, count = uniform_grid(record)
-    y = np.stack([on_grid(record, record.channels[label], start, dt, count) for label in labels], axis=1)
+    y = np.stack([on_grid(record, record.channels[label]) for label in labels], axis=1)
     for i, label in enumerate(labels):
         good = y[np.isfinite(y[:, i]), i]
         if good.size < 20:
@@ -147,9 +147,9 @@ def uniform_grid(record: Record, jitter: float = 0.01) -> tuple[float, float, in
     return float(record.time[0]), dt, int(np.floor((record.time[-1] - record.time[0]) / dt + 1e-6)) + 1
 
 
-def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: int,
-            jitter: float = 0.01) -> FloatArray:
+def on_grid(record: Record, values: FloatArray, jitter: float = 0.01) -> FloatArray:
     """Return a channel on the uniform grid: as it is where the times are the grid's, else by a cubic within gaps."""
+    start, dt, count = uniform_grid(record)
     grid = start + dt * np.arange(count)
     if count == record.time.size and np.abs(record.time - grid).max() < jitter * dt:
         return np.array(values)
@@ -167,7 +167,7 @@ def on_grid(record: Record, values: FloatArray, start: float, dt: float, count: 
 
 def known_force(model: Model, record: Record) -> FloatArray | None:
     """Return the exciting force (nt, n) on the uniform grid: recorded, or a decay test's zero; None if not known."""
-    grid, measured, rows = uniform_grid(record), record.get("force", model.dofs), []
+    measured, rows = record.get("force", model.dofs), []
     if measured is None:
         return None
     for dof, row in zip(model.dofs, measured):
@@ -176,7 +176,7 @@ def known_force(model: Model, record: Record) -> FloatArray | None:
                 raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add it "
                                  "(0 where nothing acts) or drop all force columns")
             row = np.zeros(row.size)
-        rows.append(_bridged(record, f"{dof}_force", on_grid(record, row, *grid), *grid[:2]))
+        rows.append(_bridged(record, f"{dof}_force", row))
     return np.stack(rows, axis=1)
 
 
@@ -185,14 +185,13 @@ def known_elevation(model: Model, record: Record) -> FloatArray | None:
     if "wave_elevation" not in record.channels or model.hydro is None or model.hydro.X is None:
         return None
     check_elevation_at_body(record)
-    grid = uniform_grid(record)
-    column = on_grid(record, record.channels["wave_elevation"], *grid)
-    elevation = _bridged(record, "wave_elevation", column, *grid[:2])
+    elevation = _bridged(record, "wave_elevation", record.channels["wave_elevation"])
     return elevation - elevation.mean()
 
 
-def _bridged(record: Record, label: str, values: FloatArray, start: float, dt: float) -> FloatArray:
-    """Return values with gaps of up to two samples filled by a straight line."""
+def _bridged(record: Record, label: str, column: FloatArray) -> FloatArray:
+    """Return a column on the uniform grid, gaps of up to two samples filled by a straight line."""
+    (start, dt, _), values = uniform_grid(record), on_grid(record, column)
     bad = ~np.isfinite(values)
     for first, end in stretches(bad):
         if end - first >= 2:

@@ -17,12 +17,13 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import SolverError
 from radiation_ss.filter.estimate import Z95
-from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.haskind import Haskind, error_bumps, receptance_times_X, relation
 from radiation_ss.identification.spectral import SpectralLikelihood
 from radiation_ss.identification.study import ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.record import Record
+
+CORE, MARGIN = 10.0, 5.0  # Of a window of the smoother: part kept, and part beyond it on each side, in typical periods
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +61,6 @@ def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: f
     spectrum = np.where(omega > 1.5 * model.hydro.omega[-1], 0.0, np.fft.rfft(elevation, 2 * nt))
     return WaveForce(spectrum, omega, relation(model, form, np.maximum(omega, omega[1]))[0],
                      error_bumps(frequency, omega), error, nt, trim)
-
-
-@dataclass(frozen=True)
-class Window:
-    """How a record is cut for the smoother, and its band."""
-
-    # core, margin: Kept part of a window, and part beyond it on each side, in typical periods
-    core: float = 10.0
-    margin: float = 5.0
-    most: int = 700  # Samples of one window at most; a record with more is thinned
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +107,11 @@ def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarra
     return lower, root, np.maximum(np.tile(Rff, length) - np.sum(root**2, axis=0), 0.0)
 
 
-def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
-               cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
+def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
-    length = min(nt, int((cut.core + 2.0 * cut.margin) * period / dt))
-    margin = min(int(cut.margin * period / dt), (length - 1) // 2)
+    length = min(nt, int((CORE + 2.0 * MARGIN) * period / dt))
+    margin = min(int(MARGIN * period / dt), (length - 1) // 2)
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
     complete = window_estimate(model, length, dt, np.ones((length, y.shape[1]), bool))
@@ -140,10 +130,10 @@ def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
     return mean, variance
 
 
-def smoothed(models: Sequence[ForceSpectra], y: FloatArray, dt: float, period: float,
-             cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
+def smoothed(models: Sequence[ForceSpectra], y: FloatArray, dt: float,
+             period: float) -> tuple[FloatArray, FloatArray]:
     """Return the force's mean and half the width of its band, each (nt, n), over the draws' models."""
-    means, variances = map(np.array, zip(*(smooth_one(model, y, dt, period, cut) for model in models)))
+    means, variances = map(np.array, zip(*(smooth_one(model, y, dt, period) for model in models)))
     return means.mean(axis=0), total_deviation(means, variances)
 
 
@@ -158,21 +148,6 @@ def total_deviation(means: FloatArray, variances: FloatArray) -> FloatArray:
     between = means.var(axis=0, ddof=1) * (1.0 + 1.0 / m)
     freedom = (m - 1) * (1.0 + within / np.maximum(between, 1e-12 * within + 1e-300)) ** 2
     return np.asarray(student.ppf(ndtr(Z95), np.minimum(freedom, 1e6)) * np.sqrt(within + between))
-
-
-def smooth_force(models: list[ForceSpectra], y: FloatArray, channels: Channels,
-                 cut: Window = Window()) -> ForceEstimate:
-    """Return the force with its band over the draws' models, of channels y (nt, p) in the models' units."""
-    dt, period = channels.dt, channels.period
-    stride = max(1, int(np.ceil((cut.core + 2.0 * cut.margin) * period / dt / cut.most)))
-    mean, half = smoothed(models, y[::stride], dt * stride, period, cut)
-    if stride > 1:
-        from scipy.interpolate import CubicSpline
-
-        at, all_at = np.arange(0, y.shape[0], stride), np.arange(y.shape[0])
-        mean = CubicSpline(at, mean)(all_at)
-        half = np.stack([np.interp(all_at, at, column) for column in half.T], axis=1)
-    return ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)
 
 
 def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: float = 6.0,
@@ -190,14 +165,25 @@ def force_model(part: SpectralLikelihood, u: FloatArray, v: FloatArray, top: flo
                         part.unexplained(v))
 
 
-def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]],
-                   draws: int = 16) -> ForceEstimate:
-    """Return the force of a record over (some of) the draws u, v in each structure."""
+def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, FloatArray]], draws: int = 16,
+                   most: int = 700) -> ForceEstimate:
+    """Return the force of a record, with its band, over (some of) the draws u, v in each structure.
+
+    A record with more than `most` samples in a window is thinned.
+    """
     rows = [(part, u[i], v[i]) for part, u, v in branches for i in range(u.shape[0])]
     pick = np.unique(np.linspace(0, len(rows) - 1, min(draws, len(rows))).astype(int))
     channels = branches[0][0].channels
-    y = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms
-    return smooth_force([force_model(*rows[i]) for i in pick], y, channels)
+    y, dt, period = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms, channels.dt, channels.period
+    stride = max(1, int(np.ceil((CORE + 2.0 * MARGIN) * period / dt / most)))
+    mean, half = smoothed([force_model(*rows[i]) for i in pick], y[::stride], dt * stride, period)
+    if stride > 1:
+        from scipy.interpolate import CubicSpline
+
+        at, all_at = np.arange(0, y.shape[0], stride), np.arange(y.shape[0])
+        mean = CubicSpline(at, mean)(all_at)
+        half = np.stack([np.interp(all_at, at, column) for column in half.T], axis=1)
+    return ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)
 
 
 def compare_forces(study: Study, record: Record, found: ForceEstimate, idle: ForceEstimate) -> dict[str, float]:

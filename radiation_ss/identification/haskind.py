@@ -146,11 +146,7 @@ def motion_slopes(model: Model, form: Parametrisation, u: FloatArray, w: FloatAr
             force = force.reshape(-1, *motion.shape)
             for i in np.flatnonzero(np.any(inertia[rows], axis=(1, 2)) | np.any(stiffness[rows], axis=(1, 2))):
                 force[i] -= s**2 * (motion @ inertia[start + i].T) + motion @ stiffness[start + i].T
-            yield rows, times(receptance, force)
+            # Many small matrices, which `@` takes one by one.
+            yield rows, np.asarray(sum(receptance[..., j] * force[..., j, None] for j in range(model.n)))
 
     return motion, some()
-
-
-def times(matrices: np.ndarray, vectors: np.ndarray) -> ComplexArray:
-    """Return matrices (..., n, n) times vectors (..., n); many small ones, which `@` takes one by one."""
-    return np.asarray(sum(matrices[..., j] * vectors[..., j, None] for j in range(vectors.shape[-1])))

@@ -118,28 +118,27 @@ def least_of(study: Study, name: str) -> float:
     return -float(along @ study.model.D @ along) / float(along @ along) ** 2 if kind in LINEAR else -np.inf
 
 
-def lawful_draws(study: Study, parts: Sequence[MotionLikelihood], places: Sequence[slice], draws: FloatArray,
-                 slack: float = 1e-6) -> FloatArray:
+def placed(target: Target, parts: Sequence[MotionLikelihood]) -> list[tuple[Law, int]]:
+    """Return the laws of the last likelihoods of a target, each with the place of its strength in phi."""
+    return [(law, at.start + part.first_law + k) for part, at in zip(parts, target.places[-len(parts):])
+            for k, law in enumerate(part.laws)]
+
+
+def lawful_draws(study: Study, laws: Sequence[tuple[Law, int]], draws: FloatArray, slack: float = 1e-6) -> FloatArray:
     """Return as many draws (nd, d), of them only those that are lawful, but for a share `slack` of a law's unit."""
     inside = np.ones(draws.shape[0], dtype=bool)
-    for part, at in zip(parts, places):
-        for law, values in zip(part.laws, draws[:, at][:, part.first_law:].T):
-            inside &= law.unit * (values + slack) > least_of(study, law.name)
+    for law, at in laws:
+        inside &= law.unit * (draws[:, at] + slack) > least_of(study, law.name)
     kept = draws[inside] if inside.any() else draws
     return kept[np.arange(draws.shape[0]) % kept.shape[0]]
 
 
-def strength(name: str, parts: Sequence[MotionLikelihood], places: Sequence[slice], draws: FloatArray) -> FloatArray:
+def strength(name: str, laws: Sequence[tuple[Law, int]], draws: FloatArray) -> FloatArray:
     """Return a law's coefficient [SI] by all records that have it, the surest counting most, for each draw (nd, d)."""
-    found = np.array([law.unit * draws[:, at][:, part.first_law + k] for part, at in zip(parts, places)
-                      for k, law in enumerate(part.laws) if law.name == name])
-    weights = 1.0 / np.maximum(found.var(axis=1), 1e-18 * size_of(name, parts) ** 2)
+    own = [(law, at) for law, at in laws if law.name == name]
+    found = np.array([law.unit * draws[:, at] for law, at in own])
+    weights = 1.0 / np.maximum(found.var(axis=1), 1e-18 * max(law.unit for law, _ in own) ** 2)
     return np.asarray(weights @ found / weights.sum())
-
-
-def size_of(name: str, parts: Sequence[MotionLikelihood]) -> float:
-    """Return the prior's standard deviation of a law's coefficient [SI], the largest of all records."""
-    return max(law.unit for part in parts for law in part.laws if law.name == name)
 
 
 def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: str) -> Iterator[str]:

@@ -165,19 +165,20 @@ class MotionLikelihood:
         found = log_likelihood(*self.run(u, v))
         return found if np.isfinite(found) else -np.inf
 
-    def local(self, u: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log likelihood, gradient and Fisher information, from innovations of neighbouring parameters."""
+    def local(self, u: FloatArray, v: FloatArray, body: bool = True) -> tuple[float, FloatArray, FloatArray]:
+        """Return log likelihood, gradient and Fisher information, in [u, v] or in v alone, by differences."""
         e, s = self.run(u, v)
-        J, L, z = (*self._sensitivities(u, v, e, s), (e / np.sqrt(s)).ravel())
+        J, L = (part[0 if body else u.size:] for part in self._sensitivities(u, v, e, s, body))
+        z = (e / np.sqrt(s)).ravel()
         gradient = -J @ z - 0.5 * L @ (1.0 - z * z)
         return log_likelihood(e, s), gradient, J @ J.T + 0.5 * L @ L.T
 
-    def _sensitivities(self, u: FloatArray, v: FloatArray, e: FloatArray, s: FloatArray,
+    def _sensitivities(self, u: FloatArray, v: FloatArray, e: FloatArray, s: FloatArray, body: bool = True,
                        step: float = 1e-4) -> tuple[FloatArray, FloatArray]:
         """Return derivatives by [u, v] of innovations over their deviation, and of log variances, each (d, nt p)."""
         both = np.concatenate([u, v])
         weighted, log_changes = np.zeros((2, both.size, e.size))
-        for i in np.flatnonzero(np.r_[self.form.involved, np.ones(v.size, bool)]):
+        for i in np.flatnonzero(np.r_[self.form.involved & body, np.ones(v.size, bool)]):
             moved = both.copy()
             moved[i] += step
             e1, s1 = self.run(moved[:u.size], moved[u.size:])

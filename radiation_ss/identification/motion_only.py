@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,11 +16,14 @@ from radiation_ss.identification.channels import known_force, motion_channels, t
 from radiation_ss.identification.force import compare_forces, estimate_force
 from radiation_ss.identification.laws import law_warnings, least_of, score_laws
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
+from radiation_ss.identification.sea import FAMILIES
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
-from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
+from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious, with_body_held
 from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
 
 LEFT_IN = "motion alone leaves it in A and B, and its size is the first step from a linear fit"
+HOPELESS = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
+STEPS = 15  # At most, of a climb of the sea alone, with the body held
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea
 
 
@@ -41,13 +43,13 @@ def by_motion_only(study: Study) -> Findings:
         part, said = spectral_likelihood(study.model, study.form, channels, study.rules.tolerances["force"])
         parts.append(part)
         warnings += [text for text in said if text not in warnings]
-    branches = mixed(study, structures(study, parts, decays, Race()), decays)
+    branches = mixed(study, structures(study, parts, decays), decays)
     sea: dict[str, Any] = {}
     force: dict[str, ForceEstimate] = {}
     changes = {}
     for i, (record, part) in enumerate(zip(runs, parts)):
         name, seas = record.name, [branch.sea(i) for branch in branches]
-        families = dict.fromkeys(part.sea.prior.families, 0.0)
+        families = dict.fromkeys(FAMILIES, 0.0)
         for branch, (own, _) in zip(branches, seas):
             families[own.sea.name] += branch.probability
         sea[name] = describe_sea(seas, families)
@@ -57,7 +59,7 @@ def by_motion_only(study: Study) -> Findings:
                             "motion alone says little of the body in such a sea, and the answer stays near the model")
         force[name] = estimate_force([(own, branch.draws[:, :study.n_u], v)
                                       for branch, (own, v) in zip(branches, seas)])
-        idle = sea_mode(part, np.zeros(study.n_u)).phi[None]
+        idle = idle_sea(study, part)[None]
         changes[name] = compare_forces(study, record, force[name], estimate_force(
             [(part, np.zeros((1, study.n_u)), idle)]))
     best = branches[0]
@@ -91,45 +93,30 @@ def describe_sea(seas: Seas, families: dict[str, float]) -> dict[str, Any]:
             "families": families, "two_systems": families["two systems"], "relation": part.haskind[0].source}
 
 
-@dataclass(frozen=True)
-class Race:
-    """How families of seas compete."""
+def climb(target: Target, start: FloatArray, n: int, rough: bool = False, *, scoring: int = 10, ridge: int = 60,
+          slope: float = 0.3) -> Peak:
+    """Return the mode of body and sea of n degrees of freedom above a start; `rough`: what all steps come to.
 
-    hopeless: float = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
-    same: float = 0.5  # Distance, in posterior standard deviations, below which two modes are one
-    # steps, idle_steps: Steps at most of a climb of body and sea, and of the sea alone, with the body held
-    steps: int = 200
-    idle_steps: int = 15
-    # scoring, ridge, slope: With several degrees of freedom: scoring steps, then steps of a quasi-Newton search at most
-    # (Fisher's information says little of a ridge that is long, sharp and bent), to this slope a posterior deviation
-    scoring: int = 10
-    ridge: int = 60
-    slope: float = 0.3
-    # Prior standard deviations of the body's parameters from which one system in every sea is no start
-    far: float = 8.0
-    # periods, energy: Starts of a second system: its period and energy over the first's
-    periods: tuple[float, float] = (0.65, 1.5)
-    energy: float = 0.5
+    With several degrees of freedom: `scoring` steps, then at most `ridge` of a quasi-Newton search, to this slope a
+    posterior deviation: Fisher's information says little of a ridge that is long, sharp and bent.
+    """
+    if n == 1:
+        return find_peak(target, start, Climb(rough=rough))
+    near = find_peak(target, start, Climb(scoring, rough=True))
+    root = np.linalg.cholesky(np.linalg.inv(near.fisher))
 
-    def climb(self, target: Target, start: FloatArray, n: int, rough: bool = False) -> Peak:
-        """Return the mode of body and sea of n degrees of freedom above a start; `rough`: what all steps come to."""
-        if n == 1:
-            return find_peak(target, start, Climb(self.steps, rough=rough))
-        near = find_peak(target, start, Climb(self.scoring, rough=True))
-        root = np.linalg.cholesky(np.linalg.inv(near.fisher))
+    def below(x: FloatArray) -> tuple[float, FloatArray]:
+        phi = near.phi + root @ x
+        if not np.isfinite(target.value(phi)):
+            return -near.value + 1e6, x
+        value, gradient, _ = target.local(phi)
+        return -value, -root.T @ gradient
 
-        def below(x: FloatArray) -> tuple[float, FloatArray]:
-            phi = near.phi + root @ x
-            if not np.isfinite(target.value(phi)):
-                return -near.value + 1e6, x
-            value, gradient, _ = target.local(phi)
-            return -value, -root.T @ gradient
-
-        found = minimize(below, np.zeros(near.phi.size), jac=True, method="BFGS",
-                         options={"maxiter": self.ridge, "gtol": self.slope})
-        phi = near.phi + root @ found.x
-        value, _, fisher = target.local(phi)
-        return Peak(phi, fisher, value)
+    found = minimize(below, np.zeros(near.phi.size), jac=True, method="BFGS",
+                     options={"maxiter": ridge, "gtol": slope})
+    phi = near.phi + root @ found.x
+    value, _, fisher = target.local(phi)
+    return Peak(phi, fisher, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,72 +152,69 @@ class Branch:
         return part, self.draws[:, at]
 
 
-def sea_mode(part: SpectralLikelihood, u: FloatArray, start: FloatArray | None = None, steps: int = 15) -> Peak:
-    """Return the most probable sea and noise with the body held at u, or what some steps come to."""
-    held: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v),
-                                local=lambda _, v: part.local(u, v, body=False))
-    target = Target(0, [held], lambda rows: np.ones(rows.shape[0], dtype=bool))
-    return find_peak(target, np.zeros(part.size) if start is None else start, Climb(steps, rough=True))
+def idle_sea(study: Study, part: SpectralLikelihood) -> FloatArray:
+    """Return the most probable sea and noise for the prior's body."""
+    return with_body_held(part, np.zeros(study.n_u), np.zeros(part.size), STEPS).phi
 
 
 def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
-               race: Race) -> list[Structure]:
+               far: float = 8.0) -> list[Structure]:
     """Return the structures of the seas that Laplace's evidence leaves room for, the most probable first.
 
     From one system in every sea each sea is tried in each other family, one after the other; what is more probable is
     kept, and what remains in the race is the best structure and those that differ from it in one sea. A family whose
-    climb reaches no mode is left out; where that is one system in every sea, or its mode is far from the prior, each
-    has the family of its own record.
+    climb reaches no mode is left out; where that is one system in every sea, or its mode is `far` prior standard
+    deviations away, each has the family of its own record.
     """
-    seas = [sea_mode(part, np.zeros(study.n_u)).phi for part in parts]
+    seas = [idle_sea(study, part) for part in parts]
     none = None
     try:
-        best = _climbed(study, parts, others, seas, race)
+        best = _climbed(study, parts, others, seas)
         tried = [best]
     except SolverError as error:
         if len(parts) > 1:
-            return [_each_its_own(study, parts, others, race)]
+            return [_each_its_own(study, parts, others)]
         none, tried = error, []
-        best = _climbed(study, parts, others, seas, race, rough=True)  # a start for other families
-    if len(parts) > 1 and np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0) > race.far:
-        return [_each_its_own(study, parts, others, race)]
+        best = _climbed(study, parts, others, seas, rough=True)  # a start for other families
+    if len(parts) > 1 and np.abs(best.modes[0].phi[:study.n_u]).max(initial=0.0) > far:
+        return [_each_its_own(study, parts, others)]
     for i, idle in enumerate(seas):
         for name in parts[i].families[1:]:
-            other = _with_family(study, best, i, others, name, idle, race)
+            other = _with_family(study, best, i, others, name, idle)
             if other is not None:
                 tried.append(other)
         best = max(tried or [best], key=lambda item: item.evidence)
     if none and not tried:
         raise none
     tried.sort(key=lambda item: -item.evidence)
-    return [item for item in tried if item.evidence > best.evidence - race.hopeless]
+    return [item for item in tried if item.evidence > best.evidence - HOPELESS]
 
 
 def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
-             seas: Sequence[FloatArray], race: Race, rough: bool = False) -> Structure:
+             seas: Sequence[FloatArray], rough: bool = False) -> Structure:
     """Return the structure of these families with its mode from the prior's body and some seas."""
     target = study.target([*parts, *others])
     start = np.concatenate([np.zeros(study.n_u), *seas])
     start = np.r_[start, np.zeros(target.size - start.size)]
-    return Structure(tuple(parts), (race.climb(target, start, study.model.n, rough),))
+    return Structure(tuple(parts), (climb(target, start, study.model.n, rough),))
 
 
-def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
-                  race: Race) -> Structure:
+def _each_its_own(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood]) -> Structure:
     """Return the structure in which each sea has the family that its record alone makes most probable."""
-    alone = [structures(study, [part], others, race)[0] for part in parts]
+    alone = [structures(study, [part], others)[0] for part in parts]
     at = slice(study.n_u, None)
     seas = [best.modes[0].phi[at][:best.parts[0].size] for best in alone]
-    found = _climbed(study, [best.parts[0] for best in alone], others, seas, race)
+    found = _climbed(study, [best.parts[0] for best in alone], others, seas)
     return replace(found, apart=True)
 
 
 def _with_family(study: Study, known: Structure, number: int, others: Sequence[Likelihood], name: str,
-                 idle: FloatArray, race: Race) -> Structure | None:
+                 idle: FloatArray, same: float = 0.5) -> Structure | None:
     """Return the structure with another family in one sea; None if no mode is reached.
 
     Climbs start from the prior's body and, with one degree of freedom, from the best mode's, which may have made up for
-    what the sea lacks. `idle`: the sea (of one system) and the noise for the prior's body.
+    what the sea lacks. Modes less than `same` posterior standard deviations apart are one. `idle`: the sea (of one
+    system) and the noise for the prior's body.
     """
     n, part, mode = study.n_u, known.parts[number], known.modes[0].phi
     new = replace(part, sea=replace(part.sea, name=name))
@@ -238,21 +222,25 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
     at = n + sum(item.size for item in known.parts[:number])
     target, modes = study.target([*parts, *others]), list[Peak]()
     bodies = [np.zeros(n), mode[:n]][:2 if study.model.n == 1 else 1]
-    for u, start in product(bodies, _starts(new, idle, race)):
+    for u, start in product(bodies, _starts(new, idle)):
         try:
-            sea = sea_mode(new, u, start, race.idle_steps)
-            peak = race.climb(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], study.model.n)
+            sea = with_body_held(new, u, start, STEPS)
+            peak = climb(target, np.r_[u, mode[n:at], sea.phi, mode[at + part.size:]], study.model.n)
         except SolverError:
             continue
-        if not any(peak.near(other, race.same) for other in modes):
+        if not any(peak.near(other, same) for other in modes):
             modes.append(peak)
     modes.sort(key=lambda peak: -peak.evidence)
-    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - race.hopeless)
+    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - HOPELESS)
                      ) if modes else None
 
 
-def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[FloatArray]:
-    """Yield starts in a family: the idle sea without departure; with a second system on either side of the first."""
+def _starts(part: SpectralLikelihood, idle: FloatArray, periods: tuple[float, float] = (0.65, 1.5),
+            energy: float = 0.5) -> Iterator[FloatArray]:
+    """Yield starts in a family: the idle sea without departure; with a second system on either side of the first.
+
+    `periods`, `energy`: of the second over the first.
+    """
     sea, noise = part.sea, idle[idle.size - part.size + part.sea.size:]
     rest = np.r_[np.zeros(sea.size - sea.family.shape), noise]
     if sea.family.systems == 0:
@@ -260,8 +248,8 @@ def _starts(part: SpectralLikelihood, idle: FloatArray, race: Race) -> Iterator[
     elif sea.family.systems == 1:
         yield np.r_[idle[:3], rest]
     else:
-        for period in race.periods:
-            yield np.r_[sea.with_second(idle[:3], race.energy, period), rest]
+        for period in periods:
+            yield np.r_[sea.with_second(idle[:3], energy, period), rest]
 
 
 def mixed(study: Study, found: Sequence[Structure], others: Sequence[Likelihood]) -> list[Branch]:

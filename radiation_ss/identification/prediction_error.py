@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -19,14 +17,14 @@ from radiation_ss.identification.laws import (
     lawful_draws,
     laws_of,
     least_of,
+    placed,
     score_laws,
-    size_of,
     strength,
     taken_apart,
 )
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
-from radiation_ss.identification.study import Findings, Study, cautious
-from radiation_ss.inference.laplace import Climb, Peak, Target, find_peak, sample
+from radiation_ss.identification.study import Findings, Study, cautious, with_body_held
+from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
@@ -74,13 +72,7 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
     damped, reached, asked = with_dampers(study, parts, start)
     if reached is None or (plain and plain.evidence > reached.evidence):
         return without
-    return (damped, reached.phi, asked) if lacking(study, damped, reached, asked) else without
-
-
-def lacking(study: Study, parts: list[MotionLikelihood], peak: Peak, names: Sequence[str]) -> bool:
-    """Whether the model lacks these laws: at the mode none takes damping from it."""
-    places = study.target(parts).places[-len(parts):]
-    return all(strength(name, parts, places, peak.phi[None])[0] > least_of(study, name) for name in names)
+    return damped, reached.phi, asked
 
 
 def weighed_dampers(study: Study, parts: list[MotionLikelihood],
@@ -91,11 +83,9 @@ def weighed_dampers(study: Study, parts: list[MotionLikelihood],
     weighed by their evidence, as likely as each other before the records.
     """
     damped, reached, names = with_dampers(study, parts, peak.phi)
-    if reached is None or not lacking(study, damped, reached, names):
+    if reached is None:
         return parts, [peak], []
-    places = study.target(damped).places[-len(damped):]
-    columns = [at.start + part.first_law + k for part, at in zip(damped, places) for k, law in enumerate(part.laws)
-               if law.name in names]
+    columns = [at for law, at in placed(study.target(damped), damped) if law.name in names]
     return damped, [reached, without(peak, columns)], names
 
 
@@ -109,7 +99,10 @@ def without(peak: Peak, columns: Sequence[int], narrow: float = 1e-9) -> Peak:
 
 def with_dampers(study: Study, parts: list[MotionLikelihood],
                  start: FloatArray) -> tuple[list[MotionLikelihood], Peak | None, list[str]]:
-    """Return the parts with linear damping wherever they have none, its mode above a start if reached, its names."""
+    """Return the parts with linear damping wherever they have none, its mode above a start, its names.
+
+    The mode is None where it is not reached or the model does not lack damping: there some takes damping from it.
+    """
     damped, target, u = parts, study.target(parts), start[:study.n_u]
     have = {law.name for part in parts for law in part.laws}
     names = [name for name in dampers(study.model.dofs) if name not in have]
@@ -117,7 +110,8 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
         for name in names:
             damped, start = followed(study, damped, target, start, name)
             target = study.target(damped)
-        nuisances = [held(part, u, start[at]) for part, at in zip(damped, target.places[-len(damped):])]
+        nuisances = [with_body_held(part, u, start[at], 50).phi
+                     for part, at in zip(damped, target.places[-len(damped):])]
         start = np.concatenate([u, *nuisances])
     names = [name for name in names if any(law.name == name for part in damped for law in part.laws)]
     reached = climbed(target, start) if names else None
@@ -125,18 +119,10 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
         if reached is not None:
             damped, start = followed(study, damped, target, reached.phi, name)
             reached = climbed(study.target(damped), start)
-    return damped, reached, names
-
-
-def held(part: MotionLikelihood, u: FloatArray, v: FloatArray, steps: int = 50) -> FloatArray:
-    """Return the most probable nuisance parameters with the body held at u, or what some steps from v come to."""
-    def local(_: FloatArray, v: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        value, gradient, fisher = part.local(u, v)
-        return value, gradient[u.size:], fisher[u.size:, u.size:]
-
-    likelihood: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v), local=local)
-    target = Target(0, [likelihood], lambda rows: np.ones(rows.shape[0], dtype=bool))
-    return find_peak(target, v, Climb(steps, rough=True)).phi
+    lacking = reached is not None and all(
+        strength(name, placed(study.target(damped), damped), reached.phi[None])[0] > least_of(study, name)
+        for name in names)
+    return damped, reached if lacking else None, names
 
 
 def climbed(target: Target, start: FloatArray) -> Peak | None:
@@ -196,7 +182,9 @@ def by_prediction_error(study: Study) -> Findings:
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
     told = [law for law in found if tests[law]["p"] < study.rules.nonlinear]
-    damping = {law: (values, size_of(law, parts)) for law, values in found.items() if taken_apart(law)[0] in LINEAR}
+    # With the prior's standard deviation, the largest of all records.
+    damping = {name: (values, max(law.unit for part in parts for law in part.laws if law.name == name))
+               for name, values in found.items() if taken_apart(name)[0] in LINEAR}
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
                     centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands))
@@ -211,9 +199,9 @@ def posterior(study: Study, parts: list[MotionLikelihood],
         parts, peaks, weighed = weighed_dampers(study, parts, peak)
         target = study.target(parts)
     draws, share = sample(target, peaks, study.rng, study.rules.draws, study.rules.least_passive)
-    places = target.places[-len(parts):]
-    draws = lawful_draws(study, parts, places, draws)
-    found = {law: strength(law, parts, places, draws) for law in (*laws, *weighed)}
+    own = placed(target, parts)
+    draws = lawful_draws(study, own, draws)
+    found = {law: strength(law, own, draws) for law in (*laws, *weighed)}
     for law, values in found.items():
         sure = float(values.mean() ** 2 / max(values.var(), 1e-300))
         tested = {} if law in weighed else tests.get(law, {})

@@ -4,8 +4,7 @@ A departure is a sum of smooth bumps of the log spectrum whose size is itself un
 family is a straight line in log S over log w, between two edges of any steepness, with a departure.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -30,9 +29,7 @@ class Family:
         return 3 if self.systems == 1 else 6
 
 
-def families() -> dict[str, Family]:
-    """Return the families of seas."""
-    return {"one system": Family(0.3), "departing": Family(0.2, 1, 0.2), "two systems": Family(0.2, 2, 0.1),
+FAMILIES = {"one system": Family(0.3), "departing": Family(0.2, 1, 0.2), "two systems": Family(0.2, 2, 0.1),
             "free": Family(0.1, 0, 0.7), "lumpy": Family(0.1, 1, 0.1, 0.4), "two lumpy": Family(0.05, 2, 0.1, 0.4),
             "free lumpy": Family(0.05, 0, 0.7, 0.4)}
 
@@ -41,7 +38,6 @@ def families() -> dict[str, Family]:
 class SeaPrior:
     """Prior medians and spreads (standard deviations of logarithms) of a sea's parameters."""
 
-    families: Mapping[str, Family] = field(default_factory=families)
     # height, period: Spread of Hs and of Tp
     height: float = 1.0
     period: float = 0.25
@@ -70,15 +66,15 @@ class SeaModel:
     height: float
     period: float
     knots: FloatArray  # (m,): Frequencies [rad/s] of the departure's bumps, spaced evenly in log w
-    name: str = "one system"  # One of the prior's families
+    name: str = "one system"  # One of the families
     level: float = 0.0  # Prior median of the free family's log S half way between its edges
     edges: tuple[float, float] = (1.0, 10.0)  # Prior medians of its edges [rad/s]
-    prior: SeaPrior = field(default_factory=SeaPrior)
+    prior: SeaPrior = SeaPrior()
 
     @property
     def family(self) -> Family:
         """The family of this sea."""
-        return self.prior.families[self.name]
+        return FAMILIES[self.name]
 
     @property
     def size(self) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
 from radiation_ss.identification.passivity import passive
-from radiation_ss.inference.laplace import Likelihood, Target
+from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
 from radiation_ss.records.record import Record
@@ -132,6 +133,14 @@ class Study:
                 moved += a * m / np.hypot(a, m) * rng.standard_normal(u.shape[0])
                 root[:, j] = np.sqrt(np.maximum(1.0 + moved / own[j], 0.05))
         return np.asarray(root[:, :, None] * form.A_inf * root[:, None, :])
+
+
+def with_body_held(part: Any, u: FloatArray, start: FloatArray, steps: int) -> Peak:
+    """Return the most probable nuisance parameters for the body u, or what some steps from a start come to."""
+    likelihood: Any = SimpleNamespace(size=part.size, value=lambda _, v: part.value(u, v),
+                                      local=lambda _, v: part.local(u, v, body=False))
+    target = Target(0, [likelihood], lambda rows: np.ones(rows.shape[0], dtype=bool))
+    return find_peak(target, start, Climb(steps, rough=True))
 
 
 @dataclass(frozen=True, eq=False)
