@@ -200,3 +200,21 @@ def test_one_of_two_sensors_that_reads_too_much_is_told_from_the_force_by_the_ot
     value, std = named.parameters["gain"]
     assert named.name == "sensor_gain" and "all_sensors" not in named.parameters
     assert abs(value - gain) < 3.0 * std and found.how_far.gap_after < 0.02
+
+
+def test_clocks_that_differ_from_record_to_record_are_told_of_the_records():
+    """The motion of each sea stands so much later in its file than the force; without lags nothing is said."""
+    def told(lags):
+        records = []
+        for seed, lag in enumerate(lags):
+            time, force, x, _, rng = driven(seed, 0.8, 4.0)
+            kept = slice(20, -20)
+            late = CubicSpline(time, x)(time[kept] - lag) + 2e-3 * x.std() * rng.normal(size=time[kept].size)
+            records.append(rss.Record(time[kept], {"Heave": late, "Heave_force": force[kept]}, kind="forced",
+                                      name=f"sea {seed}"))
+        return [text for text in rss.diagnose(MODEL, records[:2], withhold=records[2:]).notes if "clocks" in text]
+
+    texts = told((0.05, -0.05, 0.06, -0.06))
+    assert any(text.startswith("Record sea 2: its motion comes 0.0") and " later" in text for text in texts)
+    assert any(text.startswith("Record sea 3: its motion comes 0.0") and " earlier" in text for text in texts)
+    assert not told((0.0, 0.0, 0.0, 0.0))

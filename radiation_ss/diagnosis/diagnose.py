@@ -10,7 +10,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
 from radiation_ss.diagnosis.conclusion import concluded, contradiction
-from radiation_ss.diagnosis.prediction import split
+from radiation_ss.diagnosis.prediction import clocks, split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import DRIFT
@@ -139,7 +139,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     if data.contradiction > rules.false_alarm:
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
-    return concluded(problem, found, hidden, data, rules).with_notes(notes)
+    result = concluded(problem, found, hidden, data, rules)
+    return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
+                                              rules.unexplained)])
 
 
 def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
