@@ -150,11 +150,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
         raise InputError(f"record {record.name}: {record.time[-1] - first:.4g} s are {steps} steps of {h:.3g} s, which "
                          f"the model's frequencies need, more than {largest}; take a window of it, and see that its "
                          "time is in seconds")
-    kept = tuple(c if edge == 0.0 else c.window(first, last) for c in channels)
-    if not any(c.time.size >= 2 for c in kept):
+    kept = tuple(c for each in channels if (c := each.window(first, last)).time.size >= 2)
+    if not kept:
         raise InputError(f"record {record.name}: no motion is measured between {first:.4g} and {last:.4g} s, where the "
                          "force that comes from the wave elevation is sure")
-    kept = tuple(c for c in kept if c.time.size >= 2)
     return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record), model)
 
 
