@@ -151,7 +151,7 @@ def draw(name: str, dof: int, size: Typical, rng: np.random.Generator) -> Hidden
     slow = size.omega * rng.uniform(0.05, 0.12)
     period = 2 * np.pi / size.omega
     share = sign * 0.1 * x / size.other if size.other else 0.0
-    shapes: dict[str, tuple[float, ...]] = {
+    shapes: dict[str, tuple[float, ...]] = {  # by law, or by the name of a cause without one
         "square_drag": (f / v**2,), "viscous": (f / v,), "dry": (f, 0.03 * v), "spring": (sign * stiff,),
         "cube_spring": (sign * stiff / x**2,), "even_spring": (sign * stiff / x,),
         "taut_line": (2 * stiff, reach, sign), "beating_spring": (stiff, beat, phase), "steady": (sign * f,),
@@ -165,14 +165,11 @@ def draw(name: str, dof: int, size: Typical, rng: np.random.Generator) -> Hidden
         "echo": (f / v, period * rng.uniform(1.3, 2.7)),
         "backlash": (stiff, 0.7 * x), "grounding": (2 * f, 0.5 * x, 0.03 * v), "ramp_load": (sign * f, size.duration),
         "burst": (2 * sign * f, 0.5 * size.duration, period),
-    }
-    others: dict[str, tuple[float, ...]] = {
         "clock_drift": (sign * 0.3 / (size.omega * size.duration),), "cross_axis": (share,),
         "sensor_bias": (sign * 0.1 * x,), "excitation_delay": (0.1 / size.omega,), "sensor_delay": (0.1 / size.omega,),
         "radiation_damping": (sign * 0.2,), "added_inertia": (sign * 0.05 * size.mass,),
         "excitation_gain": (sign * 0.1,),
         "sensor_gain": (sign * 0.1,), "coupling_inertia": (sign * 0.1,), "sensor_hold": (0.1,),
     }
-    law = CAUSES[name].law
-    given = shapes[law] if law else others[name]
+    given = shapes[CAUSES[name].law or name]
     return Hidden(name, dof, tuple(given) + (0.0,) * (5 - len(given)))

@@ -11,34 +11,25 @@ import numpy as np
 
 from radiation_ss.arrays import listed
 from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import (
-    Active,
-    Effect,
-    Parameter,
-    Scales,
-    Slab,
-    in_harmonic_motion,
-    named,
-    numeric,
-    slab,
-)
+from radiation_ss.effects.definition import Active, Effect, Scales, in_harmonic_motion, named, numeric
 from radiation_ss.errors import InputError
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
+    "definition": "Parameter Slab slab",
     "further": "fractional",
     "hull": "hull_restoring station",
     "mooring": "catenary Line",
     "nominal": "tolerances",
 })
-__all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "activate", "effect_named", "library", "named", "numeric",
-           "optional", "register_effect", "slab", *_later]
+__all__ = ["Active", "Effect", "Scales", "activate", "effect_named", "library", "named", "numeric", "optional",
+           "register_effect", *_later]
 
 
 @cache
 def shelf() -> dict[str, Effect]:
     """The library; filled on first use, because casadi is loaded then."""
-    modules = (import_module(f"{__name__}.{name}") for name in ("catalogue", "radiation", "further", "mooring"))
+    modules = (import_module(f"{__name__}.{name}") for name in ("catalogue", "nominal", "further", "mooring"))
     return {effect.name: effect for module in modules for effect in module.effects()}
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
+SIDES = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True)
+NEAR = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)  # a smoothing width
 
 
 def power_of_size(value: Any, exponent: Any) -> Any:
@@ -49,22 +51,22 @@ def outwards(s: Scales) -> tuple[float, ...]:
     return tuple(share * s.farthest for share in (0.5, 0.25, 0.75))
 
 
-def line(side: Parameter, width: Parameter, *, both: bool) -> dict[str, Parameter]:
+def line(*, both: bool) -> dict[str, Parameter]:
     """Return the parameters of a line that is taut on one side of `slack`, which may be on both sides of the middle."""
     def starts(s: Scales) -> tuple[float, ...]:
         return (*outwards(s), 0.0, *(-x for x in outwards(s) if both))
 
     return {"stiffness": P("F/X", 1, slab=lambda s: s.force / s.x),
             "slack": P("X", 0, lambda s: s.farthest, starts, lower=lambda s: -s.farthest, upper=lambda s: s.farthest),
-            "side": side, "width": width}
+            "side": SIDES, "width": NEAR}
 
 
-def stops(width: Parameter) -> dict[str, Parameter]:
+def stops() -> dict[str, Parameter]:
     """Return the parameters of stops on both sides of the stroke."""
     return {"stiffness": P("F/X", 1, slab=lambda s: 2.0 * s.force / s.x),
             "damping": P("F/(X/s)", 1, slab=lambda s: 0.5 * s.force / s.v),
             "gap": P("X", 1, lambda s: s.farthest, outwards, lower=lambda s: 0.1 * s.farthest,
-                     upper=lambda s: s.farthest), "width": width}
+                     upper=lambda s: s.farthest), "width": NEAR}
 
 
 def taut(s: Any, p: Any) -> Any:
@@ -160,8 +162,6 @@ def effects() -> list[Effect]:
                lambda s, p: -p.force * saturating(s.v / p.width, p.sharpness), halvings=1, rate_free=True,
                summary="dry friction of guides and bearings: -F sign(v), rounded near v = 0"),
     ]
-    either_side = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True)
-    near = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)  # a smoothing width
     stiffness = [
         Effect("linear_stiffness", {"stiffness": P("F/X", lower=lambda s: -max(s.stiffness, 0.0))},
                lambda s, p: -p.stiffness * s.x, family="stiffness", linear=True, summary="mooring, hydrostatics: -k x"),
@@ -177,9 +177,9 @@ def effects() -> list[Effect]:
                                                       upper=lambda s: -restoring_left(2)(s))},
                lambda s, p: -p.stiffness * s.x**2, family="stiffness",
                summary="flare, an asymmetric restoring force: -k x^2"),
-        Effect("slack_mooring", line(either_side, near, both=True),
+        Effect("slack_mooring", line(both=True),
                taut, family="stiffness", rare=True, summary="a line that pulls only when taut: -k max(x - slack, 0)"),
-        Effect("end_stop", stops(near), stopped, family="stiffness", rare=True,
+        Effect("end_stop", stops(), stopped, family="stiffness", rare=True,
                summary="stops on both sides of the stroke, with loss: -k (x beyond the gap) - b v there"),
         Effect("parametric_stiffness",
                {"cosine": P("F/X", slab=0.1), "sine": P("F/X", slab=0.1),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
+from radiation_ss.effects.catalogue import NEAR, SIDES, bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import DEPTHS, Effect, Parameter, Scales
 
 P = Parameter
@@ -61,8 +61,7 @@ def hydrodynamic() -> list[Effect]:
                {"coefficient": P("F/(X/s)^2", 1, slab=lambda s: s.force / s.v**2),
                 "level": P("X", 0, lambda s: s.farthest, lambda s: (*outwards(s), 0.0), lower=lambda s: -s.farthest,
                            upper=lambda s: s.farthest),
-                "side": P("1", starts=lambda s: (1.0, -1.0), fixed=True),
-                "width": P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)},
+                "side": SIDES, "width": NEAR},
                lambda s, p: -p.side * p.coefficient * closing(p.side * s.x, p.side * s.v, p), halvings=1, rare=True,
                summary="an impact while the motion passes a level outwards: -c v^2 beyond it, 0 on the way back"),
         Effect("wave_slamming",
@@ -212,10 +211,7 @@ def delayed_rates(s: Any, p: Any) -> list[Any]:
 
 def joints() -> list[Effect]:
     """Return what joins the same motion of two bodies: x, v, a are the first one's minus the second one's."""
-    side = P("1", starts=lambda s: (1.0, -1.0), fixed=True)
-    width = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)
     between: dict[str, Any] = {"scope": "between", "optional": True}
-
     return [
         Effect("relative_damping", {"coefficient": P("F/(X/s)", 1)}, lambda s, p: -p.coefficient * s.v, linear=True,
                summary="power take-off or damper between two bodies: -b (v1 - v2)", **between),
@@ -226,9 +222,9 @@ def joints() -> list[Effect]:
         Effect("relative_friction", {"force": P("F", 1, slab=0.05), "width": onset()},
                lambda s, p: -p.force * ca.tanh(s.v / p.width), halvings=1, rate_free=True,
                summary="dry friction of a guide between two bodies: -F sign(v1 - v2), rounded", **between),
-        Effect("relative_end_stop", stops(width), stopped, family="stiffness",
+        Effect("relative_end_stop", stops(), stopped, family="stiffness",
                summary="stops on both sides of the stroke between two bodies, with loss", **between),
-        Effect("relative_slack_line", line(side, width, both=False), taut, family="stiffness",
+        Effect("relative_slack_line", line(both=False), taut, family="stiffness",
                summary="a line between two bodies that pulls only when taut", **between),
     ]
 

@@ -1,6 +1,10 @@
-"""The model's own numbers, free within their tolerance: the same kind of thing as an effect, with relative values."""
+"""The model's own numbers, free within their tolerance: the same kind of thing as an effect, with relative values.
+
+And the effect of a radiation beyond it: a force larger or smaller by a share, and a memory of another length.
+"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -9,6 +13,7 @@ import numpy as np
 from radiation_ss.body.model import TOLERANCES as NAMES
 from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.effects.definition import Active, Effect, Parameter
+from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 
 TOLERANCES = dict.fromkeys(NAMES, 0.02)
@@ -46,8 +51,9 @@ def nominal_effects(model: Model, tolerance: Mapping[str, float], *, force: bool
             found.append(OwnNumber(relative("stiffness", dof, model.C[i, i], "x"), tolerance["stiffness"]))
         found += [OwnNumber(active, tolerance["kernel"]) for active in kernel_effects(model, i)]
         if force:
-            found.append(OwnNumber(force_gain(dof), tolerance["force"]))
-            found.append(OwnNumber(force_phase(dof, natural_frequency(model, i)), tolerance["force"]))
+            gain = share_of("force", dof, input=lambda s, p: (1.0 + p.share) * s.u)
+            found += [OwnNumber(active, tolerance["force"])
+                      for active in (gain, force_phase(dof, natural_frequency(model, i)))]
     for i in range(model.n):
         for j in range(i):
             size = inertia_spread(model, tolerance, i, j)
@@ -106,11 +112,6 @@ def coupling(dof: str, other: str, size: float, signal: str = "a") -> Active:
     return share_of("coupling_inertia", dof, other, force=force, scope="pair")
 
 
-def force_gain(dof: str) -> Active:
-    """A relative change of the exciting force."""
-    return share_of("force", dof, input=lambda s, p: (1.0 + p.share) * s.u)
-
-
 def force_phase(dof: str, omega: float) -> Active:
     """A change of the exciting force's phase, in radians at `omega`."""
     return share_of("force_phase", dof, clock_in=lambda s, p: s.t - p.share / omega)
@@ -147,3 +148,39 @@ def kernel_effects(model: Model, i: int, octaves: float = 1.0) -> list[Active]:
 def memory_row(name: str, dof: str, row: np.ndarray) -> Active:
     """A change of one row of the memory's output matrix."""
     return share_of(name, dof, force=lambda s, p: -p.share * ca.dot(ca.DM(row), s.radiation))
+
+
+def effects() -> list[Effect]:
+    """Return the effect of a wrong radiation; without a model it is its share alone."""
+    return [Effect("radiation_damping",
+                   {"share": Parameter("1", 0, lambda s: 0.2, lower=-1.0),
+                    "slower": Parameter("1", 0, lambda s: 1.0),
+                    "longer": Parameter("1", 0, starts=lambda s: (0.0, 0.3, 0.8, -0.3), fixed=True)},
+                   lambda s, p: -p.share * s.memory, linear=True, common=True, bind=with_memory,
+                   rare=lambda values: values.get("longer", 0.0) != 0.0,
+                   summary="the radiation force is larger or smaller than computed, by one share of one motion or of "
+                           "all, and its memory fades more slowly: K + share K + slower (K(t / (1 + longer)) - K)")]
+
+
+def with_memory(effect: Effect, model: Model, values: Mapping[str, float]) -> Effect:
+    """Return the effect with own states: those of the model's radiation at another pace, driven by the same motion.
+
+    Their force is K(t / (1 + longer)) by the velocities: as large at first as K, for a time 1 + longer times as long.
+    A memory of the model's own length needs none.
+    """
+    fit, pace = model.fit, 1.0 + values.get("longer", 0.0)
+    if fit.states == 0 or pace == 1.0:
+        return effect
+    if not pace > 0.0:
+        raise InputError(f"effect {effect.name}: longer {pace - 1.0:g} found, more than -1 needed; the memory lasts "
+                         "1 + longer times as long")
+
+    def rates(s: Any, p: Any) -> list[Any]:
+        own, velocity = ca.vertcat(*s.z), ca.vertcat(*(each.v for each in s.all))
+        return ca.vertsplit(ca.mtimes(ca.DM(fit.a / pace), own) + ca.mtimes(ca.DM(fit.b), velocity))
+
+    def force(s: Any, p: Any) -> Any:
+        row = ca.DM(fit.c[model.dofs.index(s.dof)])
+        return -p.share * s.memory - p.slower * (ca.dot(row, ca.vertcat(*s.z)) - s.memory)
+
+    return replace(effect, force=force, rates=rates, states=fit.states)

@@ -11,18 +11,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, mode
-from radiation_ss.records.columns import (
-    RATES,
-    ColumnChoice,
-    OwnDofs,
-    channel_unit,
-    name_and_unit,
-    own_text,
-    plain_columns,
-    spelled,
-)
+from radiation_ss.records.columns import RATES, ColumnChoice, OwnDofs, name_and_unit, plain_columns, spelled
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_files import read_record, record_of_table
+from radiation_ss.records.record_files import facts_of, read_record, record_of_table, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,7 +129,7 @@ def to_pandas(record: Record) -> pd.DataFrame:
 
     frame = pd.DataFrame({name: np.array(values) for name, values in record.channels.items()},
                          index=pd.Index(np.array(record.time), name="time"))
-    frame.attrs.update(_attributes(record))
+    frame.attrs.update(facts_of(record))
     return frame
 
 
@@ -149,13 +140,7 @@ def to_xarray(record: Record) -> xr.Dataset:
     variables = {name: ("time", np.array(values), {"units": unit_of(record, name)})
                  for name, values in record.channels.items()}
     time = ("time", np.array(record.time), {"units": "s"})
-    return xr.Dataset(variables, coords={"time": time}, attrs=_attributes(record))
-
-
-def _attributes(record: Record) -> dict[str, Any]:
-    own = {"kind": record.kind, "name": record.name, "start": record.start, "speed": record.speed,
-           "dofs": own_text(record.units)}
-    return {**record.meta, **{key: value for key, value in own.items() if value}}
+    return xr.Dataset(variables, coords={"time": time}, attrs=facts_of(record))
 
 
 def _numbers(column: Any, name: str) -> FloatArray:
@@ -184,14 +169,6 @@ def text(record: Record) -> str:
     if len(names) > MOST_CHANNELS:
         lines.append(f"  and {len(names) - MOST_CHANNELS} more: {', '.join(names[MOST_CHANNELS:])[:80]}")
     return "\n".join(lines)
-
-
-def unit_of(record: Record, channel: str) -> str:
-    """Return the unit of a record's channel, nothing where its name is none that a file may hold."""
-    try:
-        return channel_unit(channel, record.units)
-    except InputError:
-        return ""
 
 
 def in_radians(record: Record, *names: str) -> Record:

@@ -1,11 +1,14 @@
 """Readings that are not the motion's: clipped, of a sensor that hangs, or of one that is slower than the log."""
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from scipy.stats import binom
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.records.record import Record
 
+Find = Callable[[str, FloatArray, FloatArray], Mapping[str, np.ndarray]]  # of name, times [s] and readings
 FAULTS = {"slower": "repeat the one before them: the sensor is slower than the log",
           "clipped": "are clipped: what the motion did beyond the sensor's range is not measured",
           "hanging": "repeat the one before them: the sensor hangs"}
@@ -15,17 +18,22 @@ def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
     """Return the record with the samples of its motion missing that are not the motion's, and a sentence for each
     channel and fault: clipped ones, and those of sensors that hang or are slower than the log.
     """
+    return left_out(record, lambda name, _, values: {
+        f"{FAULTS[fault]}; left out": places for fault, places in faults(name, values).items()})
+
+
+def left_out(record: Record, find: Find) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without the readings of motion whose places `find` gives by what is said of them."""
     changed, said = dict[str, FloatArray](), list[str]()
     for name, values in record.channels.items():
         there = np.flatnonzero(np.isfinite(values))
         if name.endswith("_force") or name == "wave_elevation" or there.size < 2:
             continue
-        for fault, places in faults(name, values[there]).items():
+        for what, places in find(name, record.time[there], values[there]).items():
             if places.size:
                 changed.setdefault(name, np.array(values))[there[places]] = np.nan
-                first = record.time[there[places[0]]]
-                said.append(f"{name} of {record.name}: {places.size} of {there.size} samples {FAULTS[fault]}; left out "
-                            f"(the first at {first:.4g} s).")
+                said.append(f"{name} of {record.name}: {places.size} of {there.size} samples {what} (the first at "
+                            f"{record.time[there[places[0]]]:.4g} s).")
     return (record.with_channels(**changed) if changed else record), tuple(said)
 
 

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -181,7 +182,10 @@ def write_record(record: Record, path: str | Path) -> None:
     path = Path(path)
     columns = {"time": record.time, **record.channels}
     header = [f"{name} [{channel_unit(name, record.units)}]" for name in columns]
-    comments = comments_of(record)
+    taken = [key for key in record.meta if key.lower() in OWN]
+    if taken:
+        raise InputError(f"record {record.name}: {taken[0]!r} in meta is a field of the record itself; set that")
+    comments = {"name": record.name, **{key: str(value) for key, value in facts_of(record).items()}}
     if path.suffix == ".parquet":
         parquet = _pyarrow_parquet(path)
         import pyarrow as pa
@@ -197,16 +201,17 @@ def write_record(record: Record, path: str | Path) -> None:
         write_csv(beside, columns, header, lines, packed=path.suffix == ".gz")
 
 
-def comments_of(record: Record) -> dict[str, str]:
-    """Return what a file says of a record beside its columns."""
-    own = {"name": record.name, "kind": record.kind}
-    if record.start:
-        own["start"] = record.start
-    if record.speed:
-        own["speed"] = repr(record.speed)
-    if record.units:
-        own["dofs"] = own_text(record.units)
-    taken = [key for key in record.meta if key.lower() in OWN]
-    if taken:
-        raise InputError(f"record {record.name}: {taken[0]!r} in meta is a field of the record itself; set that")
-    return {**own, **{key: str(value) for key, value in record.meta.items()}}
+def facts_of(record: Record) -> dict[str, Any]:
+    """Return what a record says beside its columns: its own fields, where they say something, then others."""
+    fields = {"name": record.name, "kind": record.kind, "start": record.start, "speed": record.speed,
+              "dofs": own_text(record.units)}
+    own = {key: value for key, value in fields.items() if value}
+    return {**own, **record.meta, **own}
+
+
+def unit_of(record: Record, channel: str) -> str:
+    """Return the unit of a record's channel, nothing where its name is none that a file may hold."""
+    try:
+        return channel_unit(channel, record.units)
+    except InputError:
+        return ""

@@ -14,7 +14,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData, force_unit, mode, motion_unit
-from radiation_ss.records.convert import unit_of
+from radiation_ss.records.record_files import unit_of
 from radiation_ss.style import BLUE, GREY, VERMILION, figure, literal
 
 if TYPE_CHECKING:

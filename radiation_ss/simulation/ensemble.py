@@ -22,6 +22,7 @@ from radiation_ss.simulation.equations import MotionEquations
 
 Watched = tuple[Any, Any, Any]  # states, peaks of the displacements, sums of their squares; members as columns
 Step = Callable[[Watched, Any, Any, Any, Any], Watched]
+Shares = tuple[NDArray[np.int64], FloatArray, FloatArray]  # of `shares_of_samples`
 Run = Callable[[FloatArray, FloatArray, FloatArray], Watched]
 
 
@@ -34,29 +35,6 @@ class EnsembleMotion:
     peak: FloatArray
     rms: FloatArray
     final: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """What each step takes of a force: `weights` (steps, 3, width) on its samples from `first` on give the cubic spline
-    at start, middle and end, at the times (steps, 3).
-    """
-
-    first: NDArray[np.int64]
-    weights: FloatArray
-    time: FloatArray
-
-    @classmethod
-    def of(cls, time: FloatArray, substeps: int, width: int = 32) -> "Steps":
-        """Return the steps between uniform samples.
-
-        A sample's share in a spline falls by 2 + sqrt(3) from knot to knot: at half the width it is 1e-9.
-        """
-        width = min(width, time.size)
-        at = (np.arange(substeps * (time.size - 1))[:, None] + np.array([0.0, 0.5, 1.0])) / substeps
-        first = np.clip(at[:, 0].astype(int) + 1 - width // 2, 0, time.size - width)
-        weights = CubicSpline(np.arange(width), np.eye(width))(at - first[:, None])
-        return cls(first, weights, time[0] + at * (time[-1] - time[0]) / (time.size - 1))
 
 
 @accepting(model=as_model)
@@ -115,14 +93,14 @@ def simulate_ensemble(model: Model, time: ArrayLike, force: ArrayLike, effects: 
     for label, count in (("force", len(u)), ("parameters", len(p)), ("start", len(s))):
         if count not in (1, members):
             raise InputError(f"{label}: {count} members found, 1 or {members} needed")
-    runs: dict[str, Callable[[Step, Steps, slice], Run]] = {"numpy": numpy_run, "jax": jax_run}
+    runs: dict[str, Callable[[Step, Shares, slice], Run]] = {"numpy": numpy_run, "jax": jax_run}
     if backend not in runs:
         raise InputError(f"backend: {backend!r} is unknown; use numpy or jax")
     if batch < 1:
         raise InputError(f"batch: {batch} members at a time; at least 1 is needed")
     moving = slice(model.fit.states, model.fit.states + model.n)
     step = lawson(Compiled(_beyond(equations)), expm(0.5 * h * equations.linear), h, equations.stepped, moving)
-    run = runs[backend](step, Steps.of(times, substeps), moving)
+    run = runs[backend](step, shares_of_samples(times, substeps), moving)
     found = []
     for at in range(0, members, batch):
         state, forces, numbers = (values[at:at + batch] if len(values) > 1 else values for values in (s, u, p))
@@ -165,26 +143,39 @@ def lawson(rates: Compiled, half: FloatArray, h: float, rows: NDArray[np.int64],
     return step
 
 
-def numpy_run(step: Step, steps: Steps, moving: slice) -> Run:
+def shares_of_samples(time: FloatArray, substeps: int, width: int = 32) -> Shares:
+    """Return what each step between uniform samples takes of a force: weights (steps, 3, width) on its samples from the
+    first one of each step on give the cubic spline at start, middle and end, at the times (steps, 3).
+
+    A sample's share in a spline falls by 2 + sqrt(3) from knot to knot: at half the width it is 1e-9.
+    """
+    width = min(width, time.size)
+    at = (np.arange(substeps * (time.size - 1))[:, None] + np.array([0.0, 0.5, 1.0])) / substeps
+    first = np.clip(at[:, 0].astype(int) + 1 - width // 2, 0, time.size - width)
+    weights = CubicSpline(np.arange(width), np.eye(width))(at - first[:, None])
+    return first, weights, time[0] + at * (time[-1] - time[0]) / (time.size - 1)
+
+
+def numpy_run(step: Step, shares: Shares, moving: slice) -> Run:
     """Return what steps a batch of members from states (ns, members), forces (members, n, nt) and parameters."""
     def run(state: FloatArray, forces: FloatArray, p: FloatArray) -> Watched:
-        samples, width = np.ascontiguousarray(forces.transpose(2, 1, 0)), steps.weights.shape[2]
+        samples, width = np.ascontiguousarray(forces.transpose(2, 1, 0)), shares[1].shape[2]
         watched = state, np.abs(state[moving]), np.zeros_like(state[moving])
         with np.errstate(all="ignore"):
-            for first, weights, time in zip(steps.first, steps.weights, steps.time):
+            for first, weights, time in zip(*shares):
                 watched = step(watched, np.tensordot(weights, samples[first:first + width], 1), time, p, np)
         return watched
 
     return run
 
 
-def jax_run(step: Step, steps: Steps, moving: slice) -> Run:
+def jax_run(step: Step, shares: Shares, moving: slice) -> Run:
     """Return what does the same by one compiled loop on JAX's default device."""
     try:
         import jax
     except ImportError:
         raise InputError("backend: jax is not installed; pip install radiation_ss[jax]") from None
-    jnp, width = jax.numpy, steps.weights.shape[2]
+    jnp, width = jax.numpy, shares[1].shape[2]
 
     @jax.jit
     def compiled(state: Any, forces: Any, p: Any) -> Watched:
@@ -196,7 +187,7 @@ def jax_run(step: Step, steps: Steps, moving: slice) -> Run:
             return step(watched, drive, time, p, jnp), None
 
         start = state, jnp.abs(state[moving]), jnp.zeros_like(state[moving])
-        return jax.lax.scan(one, start, (steps.first, steps.weights, steps.time))[0]  # type: ignore[no-any-return]
+        return jax.lax.scan(one, start, shares)[0]  # type: ignore[no-any-return]
 
     def run(*batch: FloatArray) -> Watched:
         with jax.enable_x64(True):

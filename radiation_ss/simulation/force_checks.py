@@ -60,10 +60,7 @@ def turned(model: Model, record: Record, rules: TurnRules = TurnRules()) -> list
     """
     if record.kind == "decay":
         return [text for text, sure in turned_in_decay(model, record) if sure]
-    if record.kind in ("motion-only", "static"):
-        return []
-    inputs = forces(model, record)
-    if inputs is None:
+    if (inputs := forces(model, record)) is None:
         return []
     moving = inputs[0] > 0.0  # at rest a body that nothing restores is anywhere
     receptance = np.zeros((moving.size, model.n, model.n), dtype=complex)
@@ -126,7 +123,11 @@ def turned_in_decay(model: Model, record: Record, least: float = 0.8, share: flo
 
 
 def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, ComplexArray | None] | None:
-    """Return frequencies, the force's spectrum (n, nw), and that by the conjugate of X; None if no force is known."""
+    """Return frequencies, the force's spectrum (n, nw), and that by the conjugate of X; None if no force is known, or
+    it moves nothing.
+    """
+    if record.kind in ("motion-only", "static"):
+        return None
     rows = record.get("force", model.dofs)
     if rows is not None:
         spectra = [spectrum_of(record, row) for row in rows]
@@ -138,6 +139,16 @@ def forces(model: Model, record: Record) -> tuple[FloatArray, ComplexArray, Comp
     omega, waves = spectrum_of(record, elevation)
     X = on_all(model.hydro.omega, force_of_waves(model, record), omega).T
     return omega, X * waves, X.conj() * waves
+
+
+def displacements(model: Model, record: Record) -> dict[int, ComplexArray]:
+    """Return the spectra of the motions that a record measures, without the mean, by their positions."""
+    found = {}
+    for i, dof in enumerate(model.dofs):
+        for order, column in columns_of(record, dof)[:1]:
+            omega, spectrum = spectrum_of(record, record.channels[column])
+            found[i] = spectrum[1:] / (1j * omega[1:]) ** order
+    return found
 
 
 def _turn(model: Model, record: Record, have: tuple[int, str], i: int, receptance: ComplexArray,
@@ -192,12 +203,7 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
     stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
     energy: less may be leakage or noise.
     """
-    inputs, motions = None if record.kind in ("decay", "motion-only", "static") else forces(model, record), {}
-    for j, dof in enumerate(model.dofs):
-        for order, column in columns_of(record, dof)[:1]:
-            omega, spectrum = spectrum_of(record, record.channels[column])
-            motions[j] = spectrum[1:] / (1j * omega[1:]) ** order
-    if inputs is None or not motions:
+    if (inputs := forces(model, record)) is None or not (motions := displacements(model, record)):
         return
     w = inputs[0][1:]
     Z, inertia = impedance(model, w), np.abs(model.M + model.A_inf)

@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray, lagrange
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
-from radiation_ss.records.faults import without_faults
+from radiation_ss.records.faults import left_out, without_faults
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_dead, without_gravity
 from radiation_ss.records.signals import middle, only_noise, spectrum_of
@@ -23,12 +23,12 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     said.
     """
     fastest = max(natural_frequency(model, i) for i in range(model.n))
-    record, dead = without_dead(record)
-    record, leaning = without_gravity(record)
-    record, faulty = without_faults(record)
-    record, apart = without_spikes(record, 2.0 * np.pi / fastest)
-    record, held = since_release(record)
-    return record, (*dead, *leaning, *faulty, *apart, *held)
+    said: tuple[str, ...] = ()
+    for clean in (without_dead, without_gravity, without_faults,
+                  lambda given: without_spikes(given, 2.0 * np.pi / fastest), since_release):
+        record, more = clean(record)
+        said += more
+    return record, said
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
@@ -94,31 +94,21 @@ def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules
     An accelerometer may show a blow as one sharp sample: it stays; so does a motion with fewer than `rules.resolved`
     samples in the model's shortest natural `period` [s].
     """
-    changed, said = {}, []
-    for name, values in record.channels.items():
-        if name.endswith(("_force", "_acceleration")) or name == "wave_elevation":
-            continue
-        measured = record.time[np.isfinite(values)]
-        if measured.size < 4 * SIDE or rules.resolved * float(np.median(np.diff(measured))) > period:
-            continue
-        found = spikes(record.time, values, rules)
-        if found.size:
-            kept = np.array(values)
-            kept[found] = np.nan
-            changed[name] = kept
-            said.append(f"{name} of {record.name}: {found.size} of {measured.size} samples stand apart from "
-                        f"their neighbours and are left out (the first at {record.time[found[0]]:.4g} s).")
-    return (record.with_channels(**changed) if changed else record), tuple(said)
+    def find(name: str, time: FloatArray, values: FloatArray) -> dict[str, np.ndarray]:
+        if (name.endswith("_acceleration") or time.size < 4 * SIDE
+                or rules.resolved * float(np.median(np.diff(time))) > period):
+            return {}
+        return {"stand apart from their neighbours and are left out": spikes(time, values, rules)}
+
+    return left_out(record, find)
 
 
-def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarray:
-    """Return the places of the samples that stand apart from those before and after them; values NaN where missing.
+def spikes(t: FloatArray, x: FloatArray, rules: SpikeRules) -> np.ndarray:
+    """Return the places of the samples x at t that stand apart from those before and after them.
 
     They are far from the cubic through two neighbours on either side, by the noise of the record and around them
     (Hampel's rule). A blow gives sharp places, too: a spike must explain its place better than a corner or a step.
     """
-    there = np.flatnonzero(np.isfinite(values))
-    t, x = time[there], values[there]
     apart = from_neighbours(t, x)
     noise = noise_around(x, apart)
     size = np.abs(apart)
@@ -129,7 +119,7 @@ def spikes(time: FloatArray, values: FloatArray, rules: SpikeRules) -> np.ndarra
     for _ in range(2):  # beside all that are doubtful, then beside those only that turn out to be spikes
         sure = [k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful, rules)]
         doubtful = np.array(sure, dtype=int)
-    return there[doubtful]
+    return doubtful
 
 
 def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:

@@ -14,8 +14,8 @@ from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release
-from radiation_ss.records.signals import band_of, columns_of, middle, spectrum_of
-from radiation_ss.simulation.force_checks import APART, forces
+from radiation_ss.records.signals import band_of, middle, spectrum_of
+from radiation_ss.simulation.force_checks import APART, displacements, forces
 from radiation_ss.units import FORCE
 
 
@@ -49,14 +49,15 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     What is left is F - Z x, of each force (in a decay: of the body's inertia force) its own share, by the body that
     fits best under that reading: an effect that the model lacks is in all of them.
     """
-    free, inputs = record.kind == "decay" and model.n > 1, None
-    if free:
-        record = replace(since_release(record)[0], kind="motion-only")  # windowed
-    elif record.kind not in ("decay", "motion-only", "static"):
-        inputs = forces(model, record)
+    free, inputs = record.kind == "decay" and model.n > 1, forces(model, record)
     if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
         return None
-    w, x = _motions(model, record)
+    if free:
+        record = replace(since_release(record)[0], kind="motion-only")  # windowed
+    w = spectrum_of(record, record.time)[0][1:]
+    x: ComplexArray = np.zeros((model.n, w.size), dtype=complex)  # zero of what stands still
+    for i, spectrum in displacements(model, record).items():
+        x[i] = spectrum
     F: ComplexArray = inputs[1][:, 1:] if inputs else np.zeros_like(x)
     of = _measure(model, w, x, F)
     energy = np.linalg.norm(of, axis=1) ** 2 / np.diag(model.M + model.A_inf)
@@ -79,16 +80,6 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     return alike[0].kind, (
         f"column {' or '.join(columns)}, all {record.time.size} rows: with {' or '.join(r.words for r in alike)} the "
         f"model leaves {as_given / best:.3g} times less unexplained; check the {alike[0].kind} of the columns")
-
-
-def _motions(model: Model, record: Record) -> tuple[FloatArray, ComplexArray]:
-    """Return frequencies and the spectra of the displacements, (n, nw); zero of what stands still."""
-    w = spectrum_of(record, record.time)[0][1:]
-    x = np.zeros((model.n, w.size), dtype=complex)
-    for i, dof in enumerate(model.dofs):
-        for order, name in columns_of(record, dof)[:1]:
-            x[i] = spectrum_of(record, record.channels[name])[1][1:] / (1j * w) ** order
-    return w, x
 
 
 def _readings(model: Model, record: Record, known: list[int], waves: bool) -> Iterator[Reading]:

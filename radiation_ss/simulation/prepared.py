@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import firwin
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -109,10 +110,7 @@ def without_fast(force: CubicSpline, top: float, *, stop: float = 3.125, shape: 
         return force
     time = np.linspace(force.x[0], force.x[-1], max(round((force.x[-1] - force.x[0]) / dt), 1) + 1)
     half = min(int(np.ceil(reach / top / dt)), time.size - 1)
-    # A low-pass as scipy.signal.firwin makes it; that module takes half a second to import.
-    kernel = np.sinc(0.5 * (1.0 + stop) * top * dt / np.pi * np.arange(-half, half + 1))
-    kernel *= np.kaiser(2 * half + 1, shape)
-    kernel /= kernel.sum()
+    kernel = firwin(2 * half + 1, 0.5 * (1.0 + stop) * top * dt / np.pi, window=("kaiser", shape))
     values = np.pad(force(time), half, mode="reflect", reflect_type="odd")
     return CubicSpline(time, np.convolve(values, kernel, "valid"))
 
@@ -150,11 +148,10 @@ def prepare(model: Model, record: Record, h: float, *, trim: bool = True, larges
         raise InputError(f"record {record.name}: {record.time[-1] - first:.4g} s are {steps} steps of {h:.3g} s, which "
                          f"the model's frequencies need, more than {largest}; take a window of it, and see that its "
                          "time is in seconds")
-    kept = tuple(c if edge == 0.0 else c.window(first, last) for c in channels)
-    if not any(c.time.size >= 2 for c in kept):
+    kept = tuple(c for each in channels if (c := each.window(first, last)).time.size >= 2)
+    if not kept:
         raise InputError(f"record {record.name}: no motion is measured between {first:.4g} and {last:.4g} s, where the "
                          "force that comes from the wave elevation is sure")
-    kept = tuple(c for c in kept if c.time.size >= 2)
     return Prepared(record, first + h * np.arange(steps + 1), kept, exciting_force(model, record), model)
 
 

@@ -31,7 +31,7 @@ def check_units(model: Model, records: Sequence[Record]) -> None:
 
 def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Iterator[str]:
     """Yield what is wrong with a record beyond doubt."""
-    if not slow_by_nature(record) and (apart := _apart(model, record)):
+    for apart in _apart(model, record) if not slow_by_nature(record) else ():
         yield (f"{apart}; check the units (time in s), that the record is of this body, and its kind: forced, "
                "prescribed and static tests may be as slow as the rig likes")
     if record.kind == "static":
@@ -94,14 +94,15 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
                 for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART]
     else:
-        apart = _apart(model, record) if slow_by_nature(record) else ""
-        against = [text for text, sure in turned_in_decay(model, record) if not sure] if record.kind == "decay" else []
         kind, text = misread(model, record) or ("", "")
-        against = [] if kind in ("order", "sign") else against
-        large = [] if kind in ("order", "sign") else list(sizes(model, record))
+        told = kind in ("order", "sign")
+        large = [] if told else list(sizes(model, record))
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
                 *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
-                *filter(None, [apart]), *against, *(_lasting(model, record) if record.kind == "decay" else [])]
+                *(_apart(model, record) if slow_by_nature(record) else [])]
+        if record.kind == "decay":
+            said += [text for text, sure in turned_in_decay(model, record) if not (sure or told)]
+            said += _lasting(model, record)
     strange = [name for dof in record.dofs if dof not in model.dofs for _, name in signals.columns_of(record, dof)]
     if strange:
         said.append(f"column {', '.join(strange)}: not used; the model's degrees of freedom are "
@@ -114,16 +115,15 @@ def slow_by_nature(record: Record) -> bool:
     return record.kind in ("forced", "prescribed", "static") or record.speed != 0.0
 
 
-def _short(model: Model, record: Record) -> list[str]:
-    """Return a sentence if a record is shorter than the model's memory or its quickest natural period."""
+def _short(model: Model, record: Record) -> Iterator[str]:
+    """Yield a sentence if a record is shorter than the model's memory or its quickest natural period."""
     length, memory = float(np.ptp(record.time)), memory_length(model)
     period = 2.0 * np.pi / own_frequencies(model).max(initial=0.0) if model.C.diagonal().any() else 0.0
-    if length >= max(memory, period):
-        return []
-    said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to 1%)" if memory >= period else
-            f"the model's shortest natural period is {period:.3g} s")
-    return [f"column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too short to tell the "
-            "memory from the start, which is not known"]
+    if length < max(memory, period):
+        said = (f"the model's memory lasts {memory:.3g} s (until it has fallen to 1%)" if memory >= period else
+                f"the model's shortest natural period is {period:.3g} s")
+        yield (f"column time: its {record.time.size} rows end after {length:.3g} s, and {said}; too short to tell the "
+               "memory from the start, which is not known")
 
 
 def memory_length(model: Model, rest: float = 0.01) -> float:
@@ -144,14 +144,14 @@ def own_frequencies(model: Model) -> FloatArray:
     return np.sqrt(squares[squares > 0.0])
 
 
-def _apart(model: Model, record: Record) -> str:
-    """Return words for a motion whose frequency is far from all natural ones, else nothing.
+def _apart(model: Model, record: Record) -> Iterator[str]:
+    """Yield words for a motion whose frequency is far from all natural ones.
 
     A drive whose frequency is not far from them witnesses that time is right: a slow force and friction move a body so.
     """
     natural = own_frequencies(model)
     if natural.size < model.n:
-        return ""
+        return
 
     def far(columns: Sequence[str]) -> FloatArray:
         found = np.array([signals.middle(*signals.spectrum_of(record, record.channels[c])) for c in columns])
@@ -161,9 +161,8 @@ def _apart(model: Model, record: Record) -> str:
         record.channels.get(c, np.zeros(1)))]
     motion = _motion(model, record)
     if motion and (found := far(motion)).size and not (drive and not far(drive).size):
-        return (f"column time, all {record.time.size} rows: the motion's frequency is {np.median(found):.3g} rad/s "
-                f"where the model's own is {natural[0]:.3g} rad/s")
-    return ""
+        yield (f"column time, all {record.time.size} rows: the motion's frequency is {np.median(found):.3g} rad/s "
+               f"where the model's own is {natural[0]:.3g} rad/s")
 
 
 def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
