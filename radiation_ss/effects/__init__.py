@@ -59,6 +59,7 @@ def register_effect(effect: Effect, *, replace: bool = False) -> Effect:
 
     Examples
     --------
+    >>> from radiation_ss.effects import Parameter
     >>> register_effect(Effect("cubic_drag", {"coefficient": Parameter("F/(X/s)^3", sign=1)},
     ...                        force=lambda s, p: -p.coefficient * s.v**3), replace=True).name
     'cubic_drag'
@@ -101,15 +102,13 @@ def activate(effects: Any, dofs: Sequence[str]) -> tuple[Active, ...]:
 
 
 def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
-    if not ("name" in item if isinstance(item, Mapping) else
-            isinstance(item, list | tuple) and item and isinstance(item[-1], Mapping)):
+    row = item
+    if isinstance(item, list | tuple) and item and isinstance(item[-1], Mapping):
+        row = {"name": item[0], "dof": item[1] if len(item) > 2 else "", "parameters": item[-1]}
+    if not isinstance(row, Mapping) or "name" not in row:
         raise InputError(f"effects: {item!r}; write (name, dof, {{parameter: value}})")
-    if isinstance(item, Mapping):
-        name, dof, values = item["name"], item.get("dof") or "", dict(item.get("parameters", {}))
-        other = item.get("other") or ""
-    else:
-        name, dof, values = item[0], item[1] if len(item) > 2 else "", dict(item[-1])
-        other = ""
+    name, dof, other = row["name"], row.get("dof") or "", row.get("other") or ""
+    values = dict(row.get("parameters", {}))
     effect = name if isinstance(name, Effect) else effect_named(name)
     name = effect.name
     if "," in dof:

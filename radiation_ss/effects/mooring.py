@@ -1,5 +1,6 @@
 """Mooring lines: the horizontal restoring as a polynomial, and from the catenary of each line."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -76,10 +77,7 @@ def lines_force(s: Any, p: Any) -> list[Any]:
                 rest, times = list(powers), powers.count(name)
                 rest.remove(name)
                 share = 1.0 if len(powers) == 2 else times
-                product = 1.0
-                for other in rest:
-                    product = product * at[other]
-                found[name] = found[name] - share * coefficient * product
+                found[name] = found[name] - share * coefficient * math.prod(at[other] for other in rest)
     return [found[mode(other.dof)] for other in s.all]
 
 
