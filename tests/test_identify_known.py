@@ -10,6 +10,7 @@ import pytest
 from identify_tank import BAND, drawn_truth, ratio, sail, tank, with_waves
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete, dlsim
 
 from radiation_ss import Model, RadiationFit, Record, fit_radiation, identify
 from radiation_ss.errors import InputError
@@ -383,3 +384,25 @@ def test_the_band_of_the_added_mass_holds_what_the_records_say_of_A_inf(share):
     assert np.all(np.abs(band.mean[:, 0, 0] - A) < 0.3 * abs(share) * A)
     held = identify(start, record, "prediction-error", omega=omega, tolerance={"A_inf": 0.0, "mass": 0.05}).A
     assert np.all(np.abs(held.mean[:, 0, 0] - A) > 0.5 * abs(share) * start.A_inf[0, 0])     # all of it is the mass's
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_moored_body_that_swings_far_slower_than_its_waves_is_seen_at_their_frequency(seed):
+    """From rest; the free motion, of 7.4 s, has most of the energy, and the sea 1 to 2 s. The model is the truth."""
+    F = np.array([[0.0, 1.0, 0.0, 0.0], [-0.72, -0.003, 0.0, -4.0 / 3.0], [0.0, 0.0, 0.0, 1.0], [0.0, 1.0, -9.0, -3.0]])
+    G = np.array([[0.0], [1.0 / 3.0], [0.0], [0.0]])  # states: displacement, velocity, two of the radiation
+    fit = RadiationFit(("Surge",), F[2:, 2:], np.array([[0.0], [1.0]]), np.array([[0.0, 4.0]]), 2)
+    model = Model(("Surge",), [[2.0]], [[1.0]], [[2.16]], fit, D=[[0.009]])
+    rng, time = np.random.default_rng(seed), 0.01 * np.arange(20000)
+    w = rng.uniform(3.0, 6.0, 40)
+    force = 0.3 * np.cos(np.outer(time, w) + rng.uniform(0.0, 2.0 * np.pi, 40)).sum(axis=1)
+    moved = dlsim(cont2discrete((F, G, np.eye(4)[:1], np.zeros((1, 1))), 0.01, method="foh"), force[:, None])[1][:, 0]
+    record = Record(time[::5], {"Surge": (moved + 0.005 * moved.std() * rng.standard_normal(time.size))[::5],
+                                "Surge_force": force[::5]}, kind="waves")
+    omega = np.linspace(3.0, 6.0, 20)
+    found = identify(model, record, "prediction-error", omega=omega, draws=100)
+    truth = model.fit.frequency_response(omega)
+    assert np.linalg.norm(found.K.mean - truth) < 0.1 * np.linalg.norm(truth)
+    inside = (found.B.lower <= truth.real) & (truth.real <= found.B.upper)
+    assert inside.mean() > 0.9
+    assert not any("the records ask for" in text for text in found.warnings)

@@ -199,9 +199,9 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
 
     With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. What is small
     beside the largest K may be large for a slow motion, so the fit is made again, unless that costs `dearest` times
-    the relative error: with K(0) = 0 where it damps a motion slower than the file more than the file does at its lowest
-    frequency (moored, or without stiffness: a mooring holds such a motion far below the waves), and exact at natural
-    frequencies where it misses more than the share `least` of the inertia's impedance.
+    the relative error: with K(0) = 0 where it damps a motion at its natural frequency more than the file does (moored,
+    or without stiffness: a mooring holds such a motion far below the waves), and exact at natural frequencies where it
+    misses more than the share `least` of the inertia's impedance.
     """
     from radiation_ss.fit.radiation import fit_radiation
 
@@ -218,8 +218,8 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
     def ways() -> Iterator[tuple[dict[str, object], tuple[int | None, ...], str]]:
         """Yield how the fit that there is should be made again: options, orders, a note."""
         if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
-            yield ({"at_zero": "zero"}, (fit.order,), "K(0) = 0: slower than the file's lowest frequency: "
-                   f"{', '.join(loose)}, damped more there by the closest fit than in the file")
+            yield ({"at_zero": "zero"}, (fit.order,), f"K(0) = 0: the closest fit damps {', '.join(loose)} more at the "
+                   "natural frequency, at rest without stiffness, than the file does")
         if options.get("points") is None and (missed := missed_swings(data, fit, least)):
             where = ", ".join(f"{omega:.3g}" for omega in missed)
             yield ({"points": missed}, orders if order is not None else (fit.order, 8), "made exact at the natural "
@@ -241,17 +241,19 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
     return fit
 
 
-def damped_at_rest(data: HydroData, fit: RadiationFit) -> list[str]:
-    """Return the motions slower than the file that a fit damps more than the file does at its lowest frequency.
+def damped_at_rest(data: HydroData, fit: RadiationFit, least: float = 1e-3) -> list[str]:
+    """Return the motions that a fit damps more than the file does at their natural frequency.
 
-    Slower: without stiffness, at rest, or with a natural frequency below that of the file.
+    That of one without stiffness is zero. Below the file's frequencies its first one counts. Within them the fit damps
+    twice as much, and by a share `least` of the inertia's impedance more: a damping ratio of half of that.
     """
     assert data.M is not None and data.C is not None
-    stiffness = np.diag(data.C)
-    omega = np.sqrt(np.maximum(stiffness, 0.0) / np.diag(data.M + data.A[0]))
+    stiffness, inertia = np.diag(data.C), np.diag(data.M + data.A[0])
+    omega = np.sqrt(np.maximum(stiffness, 0.0) / inertia)
     damping = np.einsum("jjj->j", fit.frequency_response(omega).real)
-    return [dof for i, dof in enumerate(data.dofs) if 0.0 <= stiffness[i] and omega[i] < data.omega[0]
-            and damping[i] > max(float(data.B[0, i, i]), 0.0)]
+    told = np.maximum([np.interp(w, data.omega, data.B[:, i, i]) for i, w in enumerate(omega)], 0.0)
+    most = np.where(omega < data.omega[0], told, 2.0 * told + least * omega * inertia)
+    return [dof for i, dof in enumerate(data.dofs) if stiffness[i] >= 0.0 and damping[i] > most[i]]
 
 
 def missed_swings(data: HydroData, fit: RadiationFit, least: float) -> list[float]:

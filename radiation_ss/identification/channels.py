@@ -121,10 +121,13 @@ def strong_bins(power: FloatArray, floor: float) -> NDArray[np.int64]:
 def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int = 10) -> tuple[Channels, FloatArray]:
     """Return motion and force low-passed alike and thinned to some `samples` a period, where there are far more.
 
-    A linear relation survives a filter on both its sides; noise far above the motion goes, which a model of white
-    errors would explain by the body. So do `trim` thinned samples at each end.
+    It is the period of the faster of both: a moored body may swing far slower than the waves drive it. A linear
+    relation survives a filter on both its sides; noise far above the motion goes, which a model of white errors would
+    explain by the body. So do `trim` thinned samples at each end.
     """
-    factor = int(channels.period / channels.dt / samples)
+    driven = replace(channels, y=force[:, force.std(axis=0) > 0.0])
+    fastest = min(channels.period, driven.period if driven.y.size else np.inf)
+    factor = int(fastest / channels.dt / samples)
     if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:
         return channels, force
     from scipy.signal import decimate
