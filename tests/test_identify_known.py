@@ -10,6 +10,7 @@ import pytest
 from identify_tank import BAND, drawn_truth, ratio, sail, tank, with_waves
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.signal import cont2discrete, dlsim
 
 from radiation_ss import Model, RadiationFit, Record, fit_radiation, identify
@@ -406,3 +407,13 @@ def test_a_moored_body_that_swings_far_slower_than_its_waves_is_seen_at_their_fr
     inside = (found.B.lower <= truth.real) & (truth.real <= found.B.upper)
     assert inside.mean() > 0.9
     assert not any("the records ask for" in text for text in found.warnings)
+
+
+def test_of_decays_alone_a_wrong_stiffness_is_told_as_one_of_two():
+    F = np.array([[0.0, 1.0, 0.0, 0.0], [-3.2, 0.0, 0.0, -4.0 / 3.0], [0.0, 0.0, 0.0, 1.0], [0.0, 1.0, -9.0, -3.0]])
+    fit = RadiationFit(("Heave",), F[2:, 2:], np.array([[0.0], [1.0]]), np.array([[0.0, 4.0]]), 2)
+    model, rng, step = Model(("Heave",), [[2.0]], [[1.0]], [[8.0]], fit), np.random.default_rng(0), expm(0.05 * F)
+    states = np.array([np.linalg.matrix_power(step, k) @ [0.3, 0.0, 0.0, 0.0] for k in range(500)])
+    record = Record(0.05 * np.arange(500), {"Heave": states[:, 0] + 2e-4 * rng.normal(size=500)}, kind="decay")
+    warnings = identify(model, record, "prediction-error", draws=50).warnings
+    assert any("the records ask for" in text and "decays tell their ratio alone" in text for text in warnings)

@@ -273,6 +273,9 @@ def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str
     rules, what = study.rules, {"inertia": "mass or A_inf", "stiffness": "hydrostatics or mooring",
                                 "sensor": "gain of the motion sensor",
                                 "force": "X, or the gain of the wave probe"}
+    if study.records and all(record.kind == "decay" for record in study.records):
+        for kind, other in (("inertia", "stiffness"), ("stiffness", "inertia")):
+            what[kind] += f", or the {other}: decays tell their ratio alone"
     by_elevation = any(kind == "force" for kind, *_ in study.form.nominal) and all(
         record.kind != "decay" and record.get("force", study.model.dofs) is None for record in study.records)
     tied = ", or X with the damping that it is tied to" if by_elevation else ""
