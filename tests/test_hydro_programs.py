@@ -499,3 +499,52 @@ def test_stiffness_by_entries_as_meccs_files_have_it(names):
     assert np.count_nonzero(got.C) == 9 * len(names)
     with pytest.raises(rss.InputError, match="S33"):
         rss.read_hydro(dataset.assign_coords(hydrostatic_S=["S11", *labels[1:]]))
+
+
+def wamit_run(folder, forces):
+    """One body with two modes, added mass and damping at two periods, and rows of exciting force."""
+    (folder / "body.1").write_text("".join(f"{period} {i} {j} {1.0 + (i == j)} {0.1 * (i == j)}\n"
+                                           for period in (3.0, 4.0) for i in (3, 5) for j in (3, 5)))
+    (folder / "body.3").write_text("".join(f"{period} 0.0 {row}\n" for period in (3.0, 4.0) for row in forces))
+    return rss.read_hydro(folder / "body.1", rho=1000.0)
+
+
+def test_exciting_forces_that_a_wamit_file_lacks_or_tells_in_two_ways_are_refused(tmp_path):
+    heave, pitch = "3 2.0 90.0 0.0 2.0", "5 1.0 180.0 -1.0 0.0"
+    X = wamit_run(tmp_path, (heave, pitch)).X
+    assert np.allclose(X[:, 0] / X[:, 0, :1], [1.0, 0.5j])
+    with pytest.raises(rss.InputError, match="no exciting force of mode 5, whose added mass is there"):
+        wamit_run(tmp_path, (heave,))
+    with pytest.raises(rss.InputError, match="line 2: real and imaginary part"):
+        wamit_run(tmp_path, (heave, "5 1.0 180.0 1.0 0.0"))
+
+
+def test_files_of_a_nemoh_run_that_are_not_read_are_noted(tmp_path):
+    folder = samples.nemoh(samples.body_data(A_inf=None), tmp_path / "run")
+    assert not any("is not read" in note for note in rss.read_hydro(folder).notes)
+    for name in ("Km.dat", "Badd.dat"):
+        (folder / name).write_text("1 0 0 0 0 0\n")
+    notes = rss.read_hydro(folder).notes
+    assert all(any(f"{name} is not read" in note for note in notes) for name in ("Km.dat", "Badd.dat"))
+
+
+def test_aqwas_general_row_of_six_columns_needs_no_comment_in_the_head(tmp_path):
+    data = samples.body_data()
+    path = samples.aqwa(data, tmp_path)
+    path.write_text("".join(line for line in path.read_text().splitlines(keepends=True) if "LHFR" not in line))
+    assert_close(rss.read_hydro(path), data, ("omega", "A", "B", "X"))
+
+
+def test_a_hydrostar_file_in_tonnes_is_refused(tmp_path):
+    samples.hydrostar(samples.body_data(), tmp_path)
+    path = tmp_path / "AddedMass_33.rao"
+    path.write_text(path.read_text().replace("#COMPONENT", "#UNIT       :  t\n#COMPONENT"))
+    with pytest.raises(rss.InputError, match=r"AddedMass_33.rao: unit t; kg, N, m and s are read"):
+        rss.read_hydro(tmp_path)
+
+
+def test_an_openfast_file_names_its_bodies_in_their_order(tmp_path):
+    a, b = np.kron(np.eye(2), [[0.0, 1.0], [-4.0, -1.0]]), np.kron(np.eye(2), [[0.0], [1.0]])
+    pair = rss.RadiationFit(("beta__Heave", "alpha__Heave"), a, b, np.kron(np.eye(2), [[0.0, 2.0]]), 2)
+    first = pair.write(tmp_path / "pair.ss").read_text().splitlines()[0]
+    assert first.endswith("bodies in this order: beta, alpha")

@@ -21,7 +21,10 @@ from radiation_ss.reading import check_size, listed, read_arrays, read_mat, text
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
-    """Write HydroDyn's state-space radiation: six columns for each body, and the force -K v as output."""
+    """Write HydroDyn's state-space radiation: six columns for each body, and the force -K v as output.
+
+    The first line names several bodies in their order, which is that of the fit: the form itself only counts them.
+    """
     places, bodies = six_places(fit.dofs, path)
     N, n = fit.states, 6 * len(bodies)
     b, c = np.zeros((N, n)), np.zeros((n, N))
@@ -31,7 +34,8 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
     read = np.abs(c) @ np.linalg.inv(np.eye(N) - through)
     owned = np.bincount((read / np.maximum(read.max(axis=1, keepdims=True, initial=0.0), 1e-300)).argmax(axis=0),
                         minlength=n)
-    lines = ["radiation_ss: state-space radiation model, y = C x is the force on the body",
+    order = f"; bodies in this order: {', '.join(bodies)}" if len(bodies) > 1 else ""
+    lines = [f"radiation_ss: state-space radiation model, y = C x is the force on the body{order}",
              f"{' '.join('1' * n)}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{' '.join(map(str, owned))}    %Radiation states per DoF"]
     write_rows(path, lines, (fit.a, b, c))

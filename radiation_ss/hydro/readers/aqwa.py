@@ -156,12 +156,16 @@ def _blocks(file: Blocks, sizes: dict[str, int]) -> dict[str, Any]:
 
 
 def _general(file: Blocks, count: int) -> list[float]:
-    """Return depth, density, gravity; versions from 18.2 on (their head speaks of LHFR) put the structure first."""
-    skip = 1 if any("LHFR" in line for line in file.comments) else 0
-    columns = (3, 4, 5) if file.older else (skip + 3, skip + 5)
+    """Return depth, density, gravity; versions from 18.2 on, with six columns or LHFR in their head, put the structure
+    first.
+    """
+    head = 1 if any("LHFR" in line for line in file.comments) else 0
+    columns = (3, 4, 5) if file.older else (head + 3, head + 5, 6)
     rows = []
     while file.heading() == "":
-        rows.append(file.row(columns, "depth, density, gravity")[skip:skip + 3])
+        row = file.row(columns, "depth, density, gravity")
+        skip = 1 if len(row) == 6 else head
+        rows.append(row[skip:skip + 3])
     if not rows or any(row != rows[0] for row in rows) or len(rows) not in (1, count):
         raise file.wrong(f"GENERAL: depth, density, gravity needed, the same for each of {count} structures")
     return rows[0]

@@ -92,6 +92,8 @@ def _table(path: Path) -> RaoTable:
         raise InputError(f"{path}: no #HEADING, another number of them than NBHEADING says, or rows of unequal length")
     if any(float(v) for v in re.findall(r"[\d.]+", head.get("Forward speed", ""))):
         raise InputError(f"{path}: forward speed {head['Forward speed']}; only zero speed is supported")
+    if re.match(r"(k|M)N|t\b", head.get("UNIT", "")):
+        raise InputError(f"{path}: unit {head['UNIT']}; kg, N, m and s are read")
     values = np.array(rows)
     count = len(heading)
     phase = np.deg2rad(values[:, 1 + count:]) if values.shape[1] > 1 + count else 0.0

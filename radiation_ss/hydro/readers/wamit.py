@@ -145,11 +145,21 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
     notes.append(f"{path}: the added mass at first column 0 is zero in every entry: taken as absent")
 
 
-def parse_3(path: Path, modes: list[int]) -> Forces:
-    """Parse PER BETA I MOD PHASE RE IM."""
+def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
+    """Parse PER BETA I MOD PHASE RE IM.
+
+    Both forms of a number are at most a share `apart` apart: whole degrees make .9 %, a turned sign up to 200 %.
+    """
     table: Table = {}
     for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
-        add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], complex(values[5], values[6]))
+        X, polar = complex(values[5], values[6]), values[3] * np.exp(1j * np.deg2rad(values[4]))
+        if abs(X - polar) > apart * max(abs(X), values[3]):
+            raise InputError(f"{path}, line {k + 1}: real and imaginary part, {X:g}, are not those of modulus "
+                             f"{values[3]:g} and phase {values[4]:g} deg")
+        add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], X)
+    there = {m for entries in table.values() for (m,) in entries}
+    if lost := ", ".join(str(m) for m in modes if m not in there):
+        raise InputError(f"{path}: no exciting force of mode {lost}, whose added mass is there")
     return wamit_out.force_array(path, table, modes)
 
 
@@ -189,8 +199,8 @@ def read_hams(path: Path, **given: float) -> HydroData:
     lines = text.lines(control)
     depth = _entry(control, lines, "Waterdepth", 1)[0]
     kind = int(_entry(control, lines, "Output_frequency_type", 1)[0])
-    if kind not in COLUMN or _entry(control, lines, "Reference_body_length", 1)[0] != 1.0:
-        raise InputError(f"{control}: Output_frequency_type {kind} must be 1 to 5 and Reference_body_length 1 m")
+    if kind not in COLUMN:
+        raise InputError(f"{control}: Output_frequency_type {kind} found; 1 to 5 are needed")
     found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
     if len(found) != 1:
         raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
