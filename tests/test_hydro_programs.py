@@ -548,3 +548,12 @@ def test_an_openfast_file_names_its_bodies_in_their_order(tmp_path):
     pair = rss.RadiationFit(("beta__Heave", "alpha__Heave"), a, b, np.kron(np.eye(2), [[0.0, 2.0]]), 2)
     first = pair.write(tmp_path / "pair.ss").read_text().splitlines()[0]
     assert first.endswith("bodies in this order: beta, alpha")
+
+
+def test_forces_of_a_hams_run_under_another_name_are_noted(tmp_path):
+    folder = samples.hams(samples.body_data(), tmp_path)
+    output = folder / "Output" / "Wamit_format"
+    (force,) = output.glob("*.3")
+    force.rename(output / "ExcForce.3")
+    data = rss.read_hydro(folder)
+    assert data.X is None and any("ExcForce.3 is not read" in note for note in data.notes)

@@ -208,6 +208,9 @@ def read_hams(path: Path, **given: float) -> HydroData:
     data = read(found[0], first_column=COLUMN[kind], **{**known, **given})
     point = tuple(_entry(control, lines, "Reference_body_center", 3))
     notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]
+    beside = sorted(file for file in found[0].parent.iterdir() if file.suffix in (".3", ".hst"))
+    notes += [f"{root}: {file.name} is not read: {file.with_name(found[0].stem + file.suffix).name} would be"
+              for file in beside if file.stem != found[0].stem]
     return data.replace(reference_point=point, source=str(root), notes=tuple(notes), **_matrices(root, data))
 
 
