@@ -35,6 +35,8 @@ class Error:
     time, measured, error : ndarray, shape (nk,)
     least : float
         Root mean square that the signal counts as at least: a static load may be zero where the others move the body.
+    static : bool
+        Whether the samples are places of a static test, the time their numbers.
     """
 
     record: str
@@ -44,6 +46,7 @@ class Error:
     measured: FloatArray
     error: FloatArray
     least: float = 0.0
+    static: bool = False
 
 
 def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
@@ -121,7 +124,7 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     inner = slice(edge, motion.time.size - edge)
     held = motion.x * np.diag(model.C)[:, None] if motion.record.kind == "static" else 0.0 * motion.x
     return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
-                  (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))))
+                  (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))), edge == 0)
             for i in np.flatnonzero(motion.free)]
 
 

@@ -171,15 +171,16 @@ def motion(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     before, after = given[pick], corrected[pick]
     dof = found.dofs[before.dof]
     unit = force_unit(dof) if before.quantity == "force" else motion_unit(dof) + UNITS[before.quantity]
-    top.plot(before.time, before.measured, color=style.BLACK, label="measured")
+    mark = "o" if before.static else None
+    top.plot(before.time, before.measured, marker=mark, color=style.BLACK, label="measured")
     top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
     top.plot(after.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
     top.set_ylabel(f"{style.literal(dof)} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
     top.set_title(style.literal(f"{before.record}, unseen"), loc="left")
     top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
-    bottom.plot(before.time, before.error, color=style.VERMILION)
-    bottom.plot(after.time, after.error, color=style.BLUE)
-    bottom.set(ylabel=f"error [{unit}]", xlabel="time [s]")
+    bottom.plot(before.time, before.error, marker=mark, color=style.VERMILION)
+    bottom.plot(after.time, after.error, marker=mark, color=style.BLUE)
+    bottom.set(ylabel=f"error [{unit}]", xlabel="number of the place" if before.static else "time [s]")
 
 
 @style.look()
