@@ -281,11 +281,8 @@ def unit_share(effect: Effect, name: str, scales: Scales) -> float:
     return scales.force / size
 
 
-def slab(effect: Effect, name: str, scales: Scales) -> Slab:
+def slab(effect: Effect, name: str, scales: Scales, cut: float = 4.0, share: float = 0.12) -> Slab:
     """Return the prior of a parameter: where it is centred, its standard deviation and its physical bounds.
-
-    A force's strength that states no slab is 12 % of the model's own linear force, a restoring one all of it where the
-    model has none. Without a stated bound a strength has no end, a shape ends 4 standard deviations from its starts.
 
     Parameters
     ----------
@@ -294,6 +291,12 @@ def slab(effect: Effect, name: str, scales: Scales) -> Slab:
         Of the parameter.
     scales : Scales
         Typical sizes in the records at hand.
+    cut : float
+        Standard deviations at which the prior of a shape ends where the parameter states no bound; a strength's has
+        no end.
+    share : float
+        Of the model's own linear force, for strengths of forces that state no slab; 1 for a restoring force where the
+        model has none.
 
     Examples
     --------
@@ -312,14 +315,14 @@ def slab(effect: Effect, name: str, scales: Scales) -> Slab:
         sd = float(given(scales))
     else:
         loose = effect.family == "stiffness" and not scales.restored
-        size = (1.0 if loose else 0.12) if given is None else float(given)
+        size = (1.0 if loose else share) if given is None else float(given)
         sd = size * unit_share(effect, name, scales) if parameter.strength else size
     mean = tuple(float(v) for v in parameter.starts(scales)) if parameter.starts is not None else (0.0,)
     lower, upper = (float(b(scales)) if callable(b) else b for b in (parameter.lower, parameter.upper))
     if lower is None:
-        lower = -np.inf if parameter.strength else min(mean) - 4.0 * sd
+        lower = -np.inf if parameter.strength else min(mean) - cut * sd
         lower = max(lower, 0.0) if parameter.sign > 0 else lower
     if upper is None:
-        upper = np.inf if parameter.strength else max(mean) + 4.0 * sd
+        upper = np.inf if parameter.strength else max(mean) + cut * sd
     inside = tuple(dict.fromkeys(min(max(value, lower), upper) for value in mean))
     return Slab(inside, sd, lower, upper)
