@@ -13,9 +13,9 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.identification.channels import Channels, motion_channels
-from radiation_ss.identification.force import MARGIN, force_model, smoothed
+from radiation_ss.identification.force import Window, force_model, smoothed
 from radiation_ss.identification.motion_only import describe_sea, structures
-from radiation_ss.identification.sea import FAMILIES
+from radiation_ss.identification.sea import families
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
 from radiation_ss.inference.laplace import find_peak, sample
@@ -88,7 +88,7 @@ def by_joint_filter(study: Study, forget: float = 0.97) -> Findings:
             history["std"].append(study.form.theta(u).std(axis=0).tolist())
         body = belief.of_body(n)
         draws = study.rng.multivariate_normal(belief.mean[n:], belief.covariance[n:, n:], size=200)
-        known = dict.fromkeys(FAMILIES, 0.0) | {part.sea.name: 1.0}
+        known = dict.fromkeys(families(), 0.0) | {part.sea.name: 1.0}
         sea[record.name] = describe_sea([(part, draws)], known)
         force[record.name] = ForceEstimate(channels.time, mean.T, (mean - half).T, (mean + half).T)
     return Findings(u, {"history": history}, tuple(said), sea, force, centre=centre, bands=(part.band,))
@@ -147,7 +147,7 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, bl
                 draws: int = 6) -> tuple[FloatArray, FloatArray]:
     """Return force mean and half the width of its band (nt, n) of a block from the motion up to its end."""
     n = study.n_u
-    lead = max(0, block[0] - int(2.0 * MARGIN * channels.period / channels.dt))
+    lead = max(0, block[0] - int(2.0 * Window().margin * channels.period / channels.dt))
     y = channels.y[lead:block[1]] / part.channels.rms
     rows = study.rng.multivariate_normal(belief.mean, belief.covariance, size=draws)
     allowed = [row if study.allowed(row[:n]) else belief.mean for row in rows]

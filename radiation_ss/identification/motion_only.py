@@ -16,13 +16,12 @@ from radiation_ss.identification.channels import known_force, motion_channels, t
 from radiation_ss.identification.force import compare_forces, estimate_force
 from radiation_ss.identification.laws import law_warnings, least_of, score_laws
 from radiation_ss.identification.motion_likelihood import MotionLikelihood, motion_likelihoods
-from radiation_ss.identification.sea import FAMILIES
+from radiation_ss.identification.sea import families as sea_families
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious, with_body_held
 from radiation_ss.inference.laplace import Climb, Likelihood, Peak, Target, find_peak, sample
 
 LEFT_IN = "motion alone leaves it in A and B, and its size is the first step from a linear fit"
-HOPELESS = 6.0  # Log odds below the best at which a structure, or a mode of one, is left out
 STEPS = 15  # At most, of a climb of the sea alone, with the body held
 Seas: TypeAlias = Sequence[tuple[SpectralLikelihood, FloatArray]]       # a record's likelihood and draws of its sea
 
@@ -49,7 +48,7 @@ def by_motion_only(study: Study) -> Findings:
     changes = {}
     for i, (record, part) in enumerate(zip(runs, parts)):
         name, seas = record.name, [branch.sea(i) for branch in branches]
-        families = dict.fromkeys(FAMILIES, 0.0)
+        families = dict.fromkeys(sea_families(), 0.0)
         for branch, (own, _) in zip(branches, seas):
             families[own.sea.name] += branch.probability
         sea[name] = describe_sea(seas, families)
@@ -187,7 +186,7 @@ def structures(study: Study, parts: Sequence[SpectralLikelihood], others: Sequen
     if none and not tried:
         raise none
     tried.sort(key=lambda item: -item.evidence)
-    return [item for item in tried if item.evidence > best.evidence - HOPELESS]
+    return [item for item in tried if item.evidence > best.evidence - study.rules.hopeless]
 
 
 def _climbed(study: Study, parts: Sequence[SpectralLikelihood], others: Sequence[Likelihood],
@@ -231,7 +230,7 @@ def _with_family(study: Study, known: Structure, number: int, others: Sequence[L
         if not any(peak.near(other, same) for other in modes):
             modes.append(peak)
     modes.sort(key=lambda peak: -peak.evidence)
-    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - HOPELESS)
+    return Structure(parts, tuple(mode for mode in modes if mode.evidence > modes[0].evidence - study.rules.hopeless)
                      ) if modes else None
 
 

@@ -5,7 +5,7 @@ family is a straight line in log S over log w, between two edges of any steepnes
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.special import ndtr
@@ -29,7 +29,10 @@ class Family:
         return 3 if self.systems == 1 else 6
 
 
-FAMILIES = {"one system": Family(0.3), "departing": Family(0.2, 1, 0.2), "two systems": Family(0.2, 2, 0.1),
+@cache
+def families() -> dict[str, Family]:
+    """Return the families of seas."""
+    return {"one system": Family(0.3), "departing": Family(0.2, 1, 0.2), "two systems": Family(0.2, 2, 0.1),
             "free": Family(0.1, 0, 0.7), "lumpy": Family(0.1, 1, 0.1, 0.4), "two lumpy": Family(0.05, 2, 0.1, 0.4),
             "free lumpy": Family(0.05, 0, 0.7, 0.4)}
 
@@ -74,7 +77,7 @@ class SeaModel:
     @property
     def family(self) -> Family:
         """The family of this sea."""
-        return FAMILIES[self.name]
+        return families()[self.name]
 
     @property
     def size(self) -> int:

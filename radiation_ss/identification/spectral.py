@@ -12,7 +12,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.identification.banded import Coefficients
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.haskind import Haskind, RelativeErrors, motion_slopes, receptance_times_X, relation
-from radiation_ss.identification.sea import FAMILIES, SeaModel
+from radiation_ss.identification.sea import SeaModel, families
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.signals import filled, stretches
 
@@ -99,7 +99,7 @@ class SpectralLikelihood:
         Of several motions, whose ratio tells of the body in any sea, fewer, and none that is exact: the level of its
         spectrum would follow what is unexplained, which is not the same share at all frequencies, and the body with it.
         """
-        return tuple(FAMILIES) if self.channels.count == 1 else ("departing", "free")
+        return tuple(families()) if self.channels.count == 1 else ("departing", "free")
 
     @cached_property
     def band(self) -> tuple[float, float]:

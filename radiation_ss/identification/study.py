@@ -31,6 +31,7 @@ class Settings:
     tolerance: float | Mapping[str, float] | None = None
     point_tolerance: float = 1e-3  # Relative standard deviation of K at the points
     draws: int = 1000  # Number of draws kept of the posterior
+    hopeless: float = 6.0  # Log odds below the best at which a sea of motion alone, or a mode of it, is left out
     least_passive: float = 0.02  # Share of the posterior that must be passive for the rest to be left out
     # contradiction, doubt: A warning is given where radiation parameters move farther than all of them stay within with
     # the probability of one within `contradiction` prior standard deviations, or a nominal number beyond `doubt` of its
