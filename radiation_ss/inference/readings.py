@@ -16,6 +16,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
 from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
+from radiation_ss.simulation.unit_checks import faint
 
 SLOW = 0.2  # Of a motion's typical frequency: what is slower is not integrated
 
@@ -134,19 +135,17 @@ def loaded(record: Record, dof: str) -> bool:
     return load is not None and bool(np.nanstd(load) > 0.0)
 
 
-def aside(model: Model, record: Record, i: int, flat: float = 0.7, coupled: float = 1e-3) -> bool:
+def aside(model: Model, record: Record, i: int, flat: float = 0.7) -> bool:
     """Whether a motion without a load of its own does not follow the others' loads: what it shows is its sensor's.
 
-    `flat`: as in `noise_only`. `coupled`: share of the largest motion, by kinetic energy, below which the model hardly
-    knows what its couplings make.
+    `flat`: as in `noise_only`.
     """
     loads = [record.channels[f"{dof}_force"] for dof in model.dofs if loaded(record, dof)]
     if record.kind not in ("static", "forced") or not loads or loaded(record, model.dofs[i]):
         return False
     if record.kind == "forced":
-        moved = [np.nanstd(record.channels.get(dof, np.zeros(1))) for dof in model.dofs]
-        energetic = np.sqrt(np.diag(model.M + model.A_inf)) * moved
-        return bool(0.0 < energetic[i] < coupled * energetic.max())
+        moved = np.array([np.nanstd(record.channels.get(dof, np.zeros(1))) for dof in model.dofs])
+        return bool(faint(model, moved)[i] and moved[i] > 0.0)  # without a displacement its size is not known here
     rows = np.column_stack([np.ones(record.time.size), *loads, record.channels[model.dofs[i]]])
     rows = rows[np.isfinite(rows).all(axis=1)]
     loads, motion = rows[:, :-1] / np.abs(rows[:, :-1]).max(axis=0), rows[:, -1]

@@ -208,19 +208,29 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> Iterator[st
                    f"more than that of gravity; {signals.units_text(dof, (column,))}")
 
 
-def against_model(model: Model, record: Record, coherent: float = 0.2,
-                  coupled: float = 1e-3) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
+def faint(model: Model, moved: FloatArray, share: float = 1e-3) -> np.ndarray:
+    """Return which motions of these sizes, (n,), have less than a share of the largest one, by kinetic energy.
+
+    By default less than the model knows of its couplings: it hardly tells a motion that no force of its own drives.
+    """
+    energetic = np.sqrt(np.diag(model.M + model.A_inf)) * moved
+    return np.asarray(energetic <= share * energetic.max())
+
+
+def against_model(model: Model, record: Record,
+                  coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
     """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
-    times as large it is where that is far off; noise, and motion of another cause, are less coherent.
+    times as large it is where that is far off; noise, and motion of another cause, are less coherent. Of what a force
+    of its own drives only what rounding moves is left out, of the others what is faint.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
         return
-    energetic = np.sqrt(np.diag(model.M + model.A_inf)) * np.abs(moved).max(axis=1)
+    largest = np.abs(moved).max(axis=1)
+    undriven, rounded = faint(model, largest), faint(model, largest, np.finfo(float).eps ** 0.5)
     for i, dof in enumerate(model.dofs):
         have, own = signals.columns_of(record, dof), record.channels.get(f"{dof}_force", np.zeros(1))
-        least = np.finfo(float).eps ** 0.5 if _variance(own) > 0.0 else coupled
-        if not have or energetic[i] <= least * energetic.max():
+        if not have or (rounded if _variance(own) > 0.0 else undriven)[i]:
             continue
         order, column = have[0]
         omega, measured = signals.spectrum_of(record, record.channels[column])
