@@ -52,10 +52,9 @@ def read(path: Path, **given: float) -> HydroData:
         fields["directions"] = angle
     for field, name in (("M", "Inertia.dat"), ("C", "KH.dat")):
         fields[field] = _hydrostatic(_find(folder, name), case, notes)
-    beside = [name for name in ("Km.dat", "Badd.dat", *(f"KH_{b}.dat" for b in range(case.bodies)))
-              if _find(folder, name) is not None]
-    notes += [f"{folder}: {name} is not read; the model takes it by attached(stiffness=..., damping=...)"
-              for name in beside]
+    beside = {"Km.dat": "model.attached(stiffness=...)", "Badd.dat": "model.attached(damping=...)"}
+    beside |= {f"KH_{b}.dat": "data.replace(C=...)" for b in range(case.bodies)}
+    notes += [f"{folder}: {name} is not read; give it by {way}" for name, way in beside.items() if _find(folder, name)]
     return assemble(folder, omega, A, B, case.dofs, points=case.points, notes=notes, **stated, **fields)
 
 
