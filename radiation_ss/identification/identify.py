@@ -16,7 +16,15 @@ from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import Identification, assemble
-from radiation_ss.identification.study import Findings, ForceEstimate, Settings, Study, left_out, settings_of
+from radiation_ss.identification.study import (
+    Findings,
+    ForceEstimate,
+    Settings,
+    Study,
+    left_out,
+    most_probable,
+    settings_of,
+)
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import Points, known_points
@@ -140,15 +148,16 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
-    form = _form(model, method, prior, rules, bool(waves))
     check_units(model, runs)
     check_decays(model, runs)
-    known = None if points is None else known_points(model, points, form, rules.point_tolerance)
-    grid = _frequencies(model, omega)
-    study = Study(model, form, runs, known, points, seed, generator(seed), rules)
+    grid, studies = _frequencies(model, omega), []
+    for smooth in (True, False) if method == "prediction-error" else (True,):
+        form = _form(model, method, prior, rules, bool(waves), smooth)
+        known = None if points is None else known_points(model, points, form, rules.point_tolerance)
+        studies.append(Study(model, form, runs, known, points, seed, generator(seed), rules))
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     try:
-        found = METHODS[method](study)
+        study, found = most_probable(studies, [METHODS[method](study) for study in studies])
     except SolverError as error:
         raise SolverError("; ".join([str(error), *said])) from None
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
@@ -190,8 +199,11 @@ def by_waves(model: Model, record: Record, method: str) -> bool:
     return unknown and method == "prediction-error" and "wave_elevation" in record.channels
 
 
-def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool) -> Parametrisation:
-    """Return the parameters that a method moves, with their prior; `waves`: whether X gives the force of a record."""
+def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool, smooth: bool) -> Parametrisation:
+    """Return the parameters that a method moves, with their prior; `waves`: whether X gives the force of a record.
+
+    `smooth`: whether the damping's error is.
+    """
     if method == "dual-enkf":
         return entrywise(model, prior)
     sizes, known_forces = rules.tolerances, method == "prediction-error"
@@ -199,7 +211,7 @@ def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool)
     # The motion of one degree of freedom in an unknown sea does not see as little as the tolerance is.
     if rest <= sizes["kernel"] and model.n == 1 and not known_forces:
         rest = 0.0
-    form = with_table(parametrise(model.fit, model.A_inf, prior, rest), model)
+    form = with_table(parametrise(model.fit, model.A_inf, prior, rest, smooth), model)
     if method == "points":
         return form
     seen = {"sensor": known_forces, "force": known_forces and waves}    # else the sea's own size takes them in

@@ -171,7 +171,7 @@ def by_prediction_error(study: Study) -> Findings:
         for part in new:  # the lowest and highest frequency at which any motion has a thousandth of its largest density
             strong = strong_bins(part.channels.power, 1e-3)
             bands.append((max(int(strong[0]), 1) * part.channels.spacing, int(strong[-1]) * part.channels.spacing))
-    parts, tests, found, draws, share = posterior(study, parts)
+    parts, tests, found, draws, share, evidence = posterior(study, parts)
     places = study.target(parts).places[-len(parts):]
     centre, errors = draws.mean(axis=0), {}
     for part, at, floor in zip(parts, places, floors):
@@ -187,12 +187,13 @@ def by_prediction_error(study: Study) -> Findings:
                for name, values in found.items() if taken_apart(name)[0] in LINEAR}
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
-                    centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands))
+                    centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands), evidence=evidence)
 
 
 def posterior(study: Study, parts: list[MotionLikelihood],
-              ) -> tuple[list[MotionLikelihood], dict[str, dict[str, float]], dict[str, FloatArray], FloatArray, float]:
-    """Return parts with their laws, the laws' tests, draws of the laws' coefficients, draws, the passive share."""
+              ) -> tuple[list[MotionLikelihood], dict[str, dict[str, float]], dict[str, FloatArray], FloatArray, float,
+                         float]:
+    """Return parts with their laws, the laws' tests, draws of their coefficients, draws, passive share, evidence."""
     parts, target, peak, tests, laws = attribute(study, parts)
     peaks, weighed = [peak], list[str]()
     if all(part.wave is not None for part in parts):
@@ -207,7 +208,7 @@ def posterior(study: Study, parts: list[MotionLikelihood],
         tested = {} if law in weighed else tests.get(law, {})
         tests[law] = {"statistic": sure, "p": float(chi2.sf(sure, 1)), **tested,
                       "estimate": float(values.mean()), "std": float(values.std())}
-    return parts, tests, found, draws, share
+    return parts, tests, found, draws, share, float(np.logaddexp.reduce([peak.evidence for peak in peaks]))
 
 
 def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:

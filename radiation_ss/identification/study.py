@@ -1,7 +1,7 @@
 """What each identification method is given (options, model, prior, records) and hands back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -169,6 +169,7 @@ class Findings:
     bands: tuple[tuple[float, float], ...] = ()  # Lowest and highest frequency [rad/s] at which each record has power
     # Laws of linear damping beside the model's and the waves': draws (S,) and the prior's deviation [SI]
     damping: Mapping[str, tuple[FloatArray, float]] = field(default_factory=dict)
+    evidence: float = 0.0  # Log evidence of the records under the study's prior, up to what all priors share
 
     def with_power(self, omega: FloatArray) -> np.ndarray:
         """Return at which of the frequencies some record has power, to half a step of omega, shape (nw,)."""
@@ -176,6 +177,27 @@ class Findings:
             return np.ones(omega.size, dtype=bool)
         edges = np.r_[omega[0], 0.5 * (omega[1:] + omega[:-1]), omega[-1]]
         return np.any([(edges[1:] >= low) & (edges[:-1] <= high) for low, high in self.bands], axis=0)
+
+
+def most_probable(studies: Sequence[Study], found: Sequence[Findings]) -> tuple[Study, Findings]:
+    """Return the study whose prior the records make most probable, with the draws of all by their evidence.
+
+    The studies differ in their prior alone, and are as probable as each other before the records.
+    """
+    if len(found) == 1:
+        return studies[0], found[0]
+    logs = np.array([item.evidence for item in found])
+    weights = np.exp(logs - np.logaddexp.reduce(logs))
+    study, chosen = studies[int(np.argmax(logs))], found[int(np.argmax(logs))]
+    draws = np.arange(chosen.u.shape[0])
+    of = np.random.default_rng(study.seed).choice(weights.size, draws.size, p=weights)
+    u = np.array([study.form.carried(item.u, other.form) for other, item in zip(studies, found)])[of, draws]
+    centre = weights @ [study.form.carried(item.centre, other.form) for other, item in zip(studies, found)
+                        if item.centre is not None]
+    none = np.zeros(draws.size), 0.0
+    damping = {name: (np.array([item.damping.get(name, none)[0] for item in found])[of, draws], size)
+               for name, (_, size) in chosen.damping.items()}
+    return study, replace(chosen, u=u, centre=centre, damping=damping)
 
 
 def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], close: float = 0.1) -> FloatArray:

@@ -153,6 +153,12 @@ class Parametrisation:
         theta[..., self.active] += own * self.std[self.active] if self.root is None else own @ self.root.T
         return self.tied(theta)
 
+    def carried(self, u: FloatArray, other: "Parametrisation") -> FloatArray:
+        """Return the u, shape (..., d_u), that give the theta that u gives under another prior."""
+        moved = (other.theta(u) - self.mean)[..., self.active]
+        own = moved / self.std[self.active] if self.root is None else np.linalg.solve(self.root, moved.T).T
+        return np.concatenate([own, u[..., self.active.size:]], axis=-1)
+
     def tied(self, theta: FloatArray) -> FloatArray:
         """Return theta, shape (..., d), with the first numerators that K(0) = 0 asks for."""
         theta = np.array(theta)

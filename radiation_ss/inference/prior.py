@@ -11,7 +11,8 @@ from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 
 
-def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0) -> Parametrisation:
+def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0,
+                smooth: bool = True) -> Parametrisation:
     """Return the parametrisation of a fitted subsystem, symmetric in its entries.
 
     Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at least
@@ -19,7 +20,8 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     `prior`: relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first
     order). All coefficients of a block get one relative standard deviation, as large as makes that of its K so. `rest`:
     what the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
-    about zero. A K(0) that is less than the fit leaves out is zero.
+    about zero. A K(0) that is less than the fit leaves out is zero. `smooth`: whether the relative error of the damping
+    is smooth in frequency (`with_smooth_error`), or each coefficient has an error of its own.
     InputError if the fit has no states, makes no force, or is unstable.
     """
     if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
@@ -50,7 +52,7 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
         blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
     form = Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
     form = replace(form, mean=form.tied(form.mean))
-    return with_smooth_error(form, poles, prior)
+    return with_smooth_error(form, poles, prior) if smooth else form
 
 
 @dataclass(frozen=True)
