@@ -53,6 +53,18 @@ class Found:
         weights = np.exp(values - values.max())
         return np.asarray(weights / weights.sum())
 
+    def beside(self, others: Sequence[Candidate], terms: Sequence[Term]) -> "Found":
+        """Return the result with other sets too, of the same effects the likeliest, and what all were chosen from."""
+        solved = {c.keys: c for c in sorted((*self.candidates, *others), key=lambda c: c.log_probability)}
+        return with_inclusion(self.problem, best_first(solved), terms)
+
+
+def rivals(found: Found, most: int) -> list[Candidate]:
+    """Return, for each effect of the best set, the likeliest sets with another one in its place."""
+    best = found.candidates[0].keys
+    return [c for out in sorted(best)
+            for c in [c for c in found.candidates if len(c.keys) == len(best) and best - c.keys == {out}][:most]]
+
 
 def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | None = None,
            present: Sequence[str] = (), known: Sequence[Candidate] = ()) -> Found:
