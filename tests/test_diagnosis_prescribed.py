@@ -159,6 +159,22 @@ def test_a_slow_pull_that_never_rests_shows_no_friction(seed):
     assert found.verdict.status == "no_gap" and found.which[0].effects == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_even_steps_of_load_there_and_back_show_the_friction(seed):
+    """Row numbers tell no speed: the model's damping along them, which has the shape of friction, does not act."""
+    rng, force, k = np.random.default_rng(seed), 1.5, 40.0
+    rigid = rss.RadiationFit(("Surge",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    model = rss.Model(("Surge",), [[60.0]], [[0.0]], [[k]], rigid, D=[[10.0]])
+    load = np.r_[0.0:31.0:5.0, 25.0:-31.0:-5.0, -25.0:31.0:5.0, 25.0:-1.0:-5.0]
+    held = force * np.r_[rng.choice([-1.0, 1.0]), np.sign(np.diff(load))]  # where the first place was reached from
+    x = (load - held) / k + 1e-3 * rng.standard_normal(load.size)
+    record = rss.Record(np.arange(load.size), {"Surge": x, "Surge_force": load}, kind="static")
+    found = rss.diagnose(model, record)
+    (effect,) = found.verdict.effects
+    (value, deviation), = [v for name, v in effect.parameters.items() if name == "force"]
+    assert effect.name == "coulomb_friction" and abs(value - force) < 2.0 * deviation
+
+
 def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
     rng, model = np.random.default_rng(0), rss.body(dof="Surge", mass=2e7, added_mass=1e7)
     x = np.concatenate([np.linspace(0.0, 20.0, 12), np.linspace(20.0, -20.0, 24)])

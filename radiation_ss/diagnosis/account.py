@@ -243,7 +243,9 @@ def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) 
             if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
                 through = float(np.sum(problem.rows.noise[place.rows])) / run.time.size
                 through += beyond(problem.model, run, dof)
-                found[run.record.name] = factor**2 * through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2
+                # A load's steps are no noise, and what it has of that is in the places' scatter along it.
+                own = 0.0 if run.record.kind == "static" else noise_of(run.force[dof], run.dt, run.omega[dof])
+                found[run.record.name] = factor**2 * through + own**2
     return float(np.sqrt(found.get(error.record, np.mean([*found.values()] or [0.0]))))
 
 

@@ -110,7 +110,7 @@ def errors_on(model: Model, actives: Sequence[Active], record: Record,
 def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion) -> list[Error]:
     """Return what a model leaves of the measured force along a prescribed motion."""
     assert motion.force is not None
-    force = (model.M + model.A_inf) @ motion.a + model.D @ motion.v + motion.memory + model.C @ motion.x
+    force = (model.M + model.A_inf) @ motion.a + motion.paced * model.D @ motion.v + motion.memory + model.C @ motion.x
     for active in actives:
         strengths = [name for name, p in active.effect.parameters.items() if p.strength]
         for name, found in zip(strengths, features(Symbols(model, active), active, [motion])):
@@ -120,12 +120,16 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
                 force = force - value * needed_force(model, motion, found[0].reading)
     # What the motion does beyond the record's ends reaches into the acceleration by half a test function.
     size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
-    edge = 0 if motion.record.kind == "static" else max(size, 1)
-    inner = slice(edge, motion.time.size - edge)
-    held = motion.x * np.diag(model.C)[:, None] if motion.record.kind == "static" else 0.0 * motion.x
-    return [Error(motion.record.name, int(i), "force", motion.time[inner], motion.force[i, inner],
-                  (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))), edge == 0)
-            for i in np.flatnonzero(motion.free)]
+    still, edge = motion.record.kind == "static", max(size, 1)
+    held = motion.x * np.diag(model.C)[:, None] if still else 0.0 * motion.x
+    inner = np.arange(edge, motion.time.size - edge)
+    errors = []
+    for i in map(int, np.flatnonzero(motion.free)):
+        if still:  # which way the first place was reached is not known, and so not what friction holds there
+            inner = np.flatnonzero(motion.v[i] != 0.0) if np.any(motion.v[i]) else np.arange(motion.time.size)
+        errors.append(Error(motion.record.name, i, "force", motion.time[inner], motion.force[i, inner],
+                            (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))), still))
+    return errors
 
 
 def needed_force(model: Model, motion: MeasuredMotion, x: FloatArray) -> FloatArray:

@@ -180,20 +180,29 @@ def read_wrongly(model: Model, run: MeasuredMotion, place: Place, series: FloatA
     return -projected_on(run.basis, series[place.dof], place.order, place.bins).ravel()
 
 
+def slow_columns(run: MeasuredMotion, i: int, damping: float, sd: float) -> list[tuple[str, FloatArray, float, int]]:
+    """Return the force that held the first place of a slow test, and the model's damping, as `record_columns` does."""
+    found, reached = [], run.v[i] != 0.0
+    if np.any(reached) and not np.all(reached):  # from which side it was reached, and so what friction does, is unknown
+        found.append(("arrival", 1.0 - reached, sd, 0))
+    if damping > 0.0 and run.time.size > 4 and run.paced:  # it may not have rested at its readings
+        pace = make_smoothing_spline(run.time, run.x[i]).derivative()(run.time)
+        found.append(("pace", pace, damping, 0))
+    return found
+
+
 def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: float,
                    discrepancy: Discrepancy) -> list[tuple[str, FloatArray, float, int]]:
-    """Return offset and drift or pace, release, wandering stiffness and damping of one motion in one record.
+    """Return offset, drift, release, wandering stiffness and damping of one motion in one record, or `slow_columns`.
 
     Of each its label, force, prior standard deviation and common factor, as in `Own`.
     """
     drift = np.linspace(-np.sqrt(3.0), np.sqrt(3.0), run.time.size)
     found = [("offset", np.ones(run.time.size), discrepancy.offset * size, OFFSET)]
-    if run.record.kind != "static":
+    if run.record.kind == "static":
+        found += slow_columns(run, i, problem.model.D[i, i], discrepancy.release * size)
+    else:
         found.append(("drift", drift, discrepancy.offset * size, OFFSET))
-    elif problem.model.D[i, i] > 0.0 and run.time.size > 4:
-        # A slow test may not have rested at its readings: then the model's damping acts.
-        pace = make_smoothing_spline(run.time, run.x[i]).derivative()(run.time)
-        found.append(("pace", pace, problem.model.D[i, i], 0))
     if run.record.kind == "decay":
         gone = 0.5 * np.clip((run.time - run.time[0]) * run.omega[i], 0.0, 2.0 * np.pi)  # pi at the first period's end
         found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size, 0)

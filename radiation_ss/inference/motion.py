@@ -23,6 +23,7 @@ from radiation_ss.inference.readings import (
     integrated,
     known_force,
     not_measured,
+    scatter,
     second_sensors,
     slow_motions,
     slow_path,
@@ -90,6 +91,11 @@ class MeasuredMotion:
     def prescribed(self) -> bool:
         """Whether the motion is given and the force is what a model predicts."""
         return self.record.kind in ("prescribed", "static")
+
+    @property
+    def paced(self) -> bool:
+        """Whether velocities are rates; in a static test whose times are row numbers they are directions alone."""
+        return self.record.kind != "static" or bool(np.any(np.diff(self.record.time) != 1.0))
 
     @property
     def driven_alone(self) -> bool:
@@ -172,7 +178,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
             raw[i] = averaged(values, grid.keep)
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
-            level = grid.noise(*f[1:], omega[i], bins, resolution.white)
+            load = record.channels.get(f"{model.dofs[i]}_force") if still else None
+            level = (grid.noise(*f[1:], omega[i], bins, resolution.white) if load is None else
+                     scatter(f[2], np.interp(f[1], record.time, load)) / np.sqrt(grid.keep))
             # An integral's noise is that of each frequency; what is slower than `integrated` keeps is in `lost`.
             slow = omega[i] if bins is None else np.maximum(bins, SLOW * omega[i])
             noise[i] = np.maximum(level / slow ** f[0], floor)

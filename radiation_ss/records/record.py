@@ -40,7 +40,8 @@ class Record(Shown):
     kind : str
         What is known of the force: "decay" (none acts), "forced" (measured), "waves" (force or elevation measured),
         "motion-only" (nothing); "prescribed" (the motion is the input, `<Dof>_force` the measured total force on the
-        body, which is what is predicted); "static" (offsets under steady loads; no dynamics).
+        body, which is what is predicted); "static" (offsets under steady loads; no dynamics; times 0, 1, 2, ... are
+        row numbers).
     name, start : str
         From the file's leading comments.
     meta : mapping
