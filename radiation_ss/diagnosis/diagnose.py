@@ -24,9 +24,9 @@ from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves, not_measured
-from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, shaped
+from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, pulled_slowly, rivals, search, testable
+from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
@@ -214,8 +214,9 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     for _ in range(rules.refinements):
         best = [c for c in found.candidates[: steer.beam] if frozenset(c.terms) not in done]
         sharper += [s for c in best[:2] for s in retimed(problem, c, steer, present)]
-        near = [*best, *(c for c in rivals(found, steer.beam) if frozenset(c.terms) not in done)]
-        sharper += [fitted_shapes(problem, c, steer, present) for c in dict.fromkeys(near) if shaped(c)]
+        near = [*best, *(c for c in (rivals(problem, best[0], terms, steer, present) if best else ())
+                         if frozenset(c.terms) not in done)]
+        sharper += [fitted_shapes(problem, c, steer, present) for c in near if shaped(c)]
         done |= {frozenset(c.terms) for c in (*near, *sharper)}
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):

@@ -34,6 +34,21 @@ def likely_shapes(problem: EquationError, null: Candidate, terms: Sequence[Term]
             for term in likely(problem, null, [t for t in terms if t.shaped], rules)]
 
 
+def rivals(problem: EquationError, best: Candidate, terms: Sequence[Term], rules: SearchRules,
+           present: Sequence[str]) -> Iterator[Candidate]:
+    """Yield sets with another shaped effect in the place of each of the best set, in the likeliest start.
+
+    By its starts alone such a one is far behind an effect in its best shape.
+    """
+    for out in (t for t in best.terms if t.shaped and t.active.name not in present):
+        rest = tuple(t for t in best.terms if t is not out)
+        free = [t for t in terms if t.shaped and t.active.dof == out.active.dof and t.key not in best.keys]
+        columns = joined([problem.base, *(t.columns for t in rest)])
+        order = sorted(promise(problem, best, columns, free, rules).values(), key=lambda pair: -pair[0])
+        for _, term in order[: rules.width]:
+            yield solve_set(problem, (*rest, term), best.posterior.sizes, rules, present, learned=False)
+
+
 def likely(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: SearchRules) -> list[Term]:
     """Return the terms of the effects that are likelier there than not, the likeliest first, a beam at most."""
     best = promise(problem, null, problem.base, terms, rules).values()

@@ -59,13 +59,6 @@ class Found:
         return with_inclusion(self.problem, best_first(solved), terms)
 
 
-def rivals(found: Found, most: int) -> list[Candidate]:
-    """Return, for each effect of the best set, the likeliest sets with another one in its place."""
-    best = found.candidates[0].keys
-    return [c for out in sorted(best)
-            for c in [c for c in found.candidates if len(c.keys) == len(best) and best - c.keys == {out}][:most]]
-
-
 def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | None = None,
            present: Sequence[str] = (), known: Sequence[Candidate] = ()) -> Found:
     """Return sets of effects with their probabilities.
