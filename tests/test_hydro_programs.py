@@ -232,7 +232,8 @@ def test_second_order_forces_of_a_wamit_out_are_left_out_and_generalised_modes_r
     out.write_text(text + second)
     got = rss.read_hydro(out, rho=data.rho)
     assert np.array_equal(got.X, want.X) and any("second-order" in note for note in got.notes)
-    out.write_text(re.sub(r"(?m)^(\s+)6(\s+)6( .*)$", r"\g<0>\n\g<1>7\g<2>7\g<3>", text))
+    seven = re.sub(r"(?m)^(\s+)6(\s+)6( .*)$", r"\g<0>\n\g<1>7\g<2>7\g<3>", text)
+    out.write_text(re.sub(r"(?m)^ 6 (\S+ -?\d+)$", r"\g<0>\n 7 \g<1>", seven))
     with pytest.raises(rss.InputError, match="generalised modes"):
         rss.read_hydro(out, rho=data.rho)
 
@@ -517,6 +518,17 @@ def test_exciting_forces_that_a_wamit_file_lacks_or_tells_in_two_ways_are_refuse
         wamit_run(tmp_path, (heave,))
     with pytest.raises(rss.InputError, match="line 2: real and imaginary part"):
         wamit_run(tmp_path, (heave, "5 1.0 180.0 1.0 0.0"))
+
+
+def test_a_wamit_out_without_the_force_of_a_mode_or_with_turned_axes_is_refused(tmp_path):
+    path = samples.wamit_out(samples.body_data(), tmp_path)
+    whole = path.read_text()
+    path.write_text(re.sub(r"(?m)^ 5 \S+ -?\d+\n", "", whole))
+    with pytest.raises(rss.InputError, match="no exciting force of mode 5, whose added mass is there"):
+        rss.read_hydro(path)
+    path.write_text(whole.replace("PHIBODY =   0.0", "PHIBODY =  90.0"))
+    with pytest.raises(rss.InputError, match="line 3: PHIBODY = 90 deg"):
+        rss.read_hydro(path)
 
 
 def test_files_of_a_nemoh_run_that_are_not_read_are_noted(tmp_path):

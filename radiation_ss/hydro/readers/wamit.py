@@ -157,9 +157,6 @@ def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
             raise InputError(f"{path}, line {k + 1}: real and imaginary part, {X:g}, are not those of modulus "
                              f"{values[3]:g} and phase {values[4]:g} deg")
         add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], X)
-    there = {m for entries in table.values() for (m,) in entries}
-    if lost := ", ".join(str(m) for m in modes if m not in there):
-        raise InputError(f"{path}: no exciting force of mode {lost}, whose added mass is there")
     return wamit_out.force_array(path, table, modes)
 
 

@@ -132,6 +132,10 @@ def parse_header(path: Path, lines: list[str] | None = None) -> Header:
             if len(point) != 3:
                 raise InputError(f"{path}, line {k + 1}: XBODY, YBODY, ZBODY are not three numbers")
             header.points.append((point[0], point[1], point[2]))
+            turned = line.partition("PHIBODY")[2].replace("=", " ")
+            if turned and (angle := text.leading(path, k, turned, 1, "PHIBODY [deg]")[0]):
+                raise InputError(f"{path}, line {k + 1}: PHIBODY = {angle:g} deg: modes along turned axes are not read; "
+                                 "0 is needed, run WAMIT with XBODY(4) = 0 and a turned mesh")
         elif line.startswith("RHOTANK"):
             header.notes.append(f"{path}: interior tanks; their own restoring (line {k + 1}) is not in C")
         elif line.startswith("C(3,3)"):
@@ -212,12 +216,14 @@ def matrices(path: Path, table: Table, last: int) -> Radiation:
 
 
 def force_array(path: Path, table: Table, modes: list[int]) -> Forces:
-    """Return X [period, heading, mode] of the entries; every period needs the same headings and modes."""
+    """Return X [period, heading, mode] of the entries; every period needs the same headings and all modes."""
     periods, headings = (list(dict.fromkeys(key[k] for key in table)) for k in (0, 1))
     every = {(per, h): table.get((per, h), {}) for per in periods for h in headings}
-    usual_modes(path, {f"first column {per:g}, heading {h:g}": entries for (per, h), entries in every.items()},
-                "exciting force")
-    X = np.array([[entries.get((m,), 0.0) for m in modes] for entries in every.values()], dtype=complex)
+    there = usual_modes(path, {f"first column {per:g}, heading {h:g}": entries for (per, h), entries in every.items()},
+                        "exciting force")
+    if lost := ", ".join(str(m) for m in modes if (m,) not in there):
+        raise InputError(f"{path}: no exciting force of mode {lost}, whose added mass is there")
+    X = np.array([[entries[m,] for m in modes] for entries in every.values()], dtype=complex)
     return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)))
 
 
