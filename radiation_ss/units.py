@@ -2,6 +2,8 @@
 
 import re
 
+from radiation_ss.errors import InputError
+
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86400.0}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
@@ -13,6 +15,7 @@ UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
 UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
           for si in ("m", "rad") for rate in ("/s", "/s^2")}
 UNITS["m/s^2"]["g"] = 9.80665
+DENSITY = {"t/m^3": 1e3, "kN/m^3": 1e3 / 9.80665, "slug/ft^3": 515.378818, "lb/ft^3": 16.018463}
 KNOT = 1852.0 / 3600.0  # m/s
 _SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "day": "d", "days": "d",
            "°": "deg", "º": "deg", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad",
@@ -56,3 +59,20 @@ def understood(si: str) -> str:
     'rad/s, mrad/s, deg/s'
     """
     return f"{', '.join(FORCE)} times {', '.join(LENGTH)}" if si == "N m" else ", ".join(UNITS[si])
+
+
+def check_water(name: str, value: float, field: str, *, rho_apart: float = 2.0, g_apart: float = 1.1) -> None:
+    """Refuse a density [kg/m^3] or gravity [m/s^2] as far from water's or the earth's as only another unit makes it.
+
+    `field`: rho, at most `rho_apart` times off, or g, at most `g_apart` times; of others nothing is known.
+
+    >>> check_water("body.AH1: rho", 1025.0, "rho")
+    """
+    known = {"rho": (1000.0, rho_apart, "kg/m^3", DENSITY), "g": (9.81, g_apart, "m/s^2", UNITS["m/s^2"])}
+    if field not in known:
+        return
+    usual, apart, si, units = known[field]
+    if not usual / apart < value < usual * apart:
+        like = next((f"; it looks like {unit}, so masses and forces are not in kg and N either"
+                     for unit, one in units.items() if abs(value * one / usual - 1.0) < 0.1), "")
+        raise InputError(f"{name}: {value:g} {si} found, some {usual:g} needed{like}")

@@ -555,6 +555,22 @@ def test_a_hydrostar_file_in_tonnes_is_refused(tmp_path):
         rss.read_hydro(tmp_path)
 
 
+@pytest.mark.parametrize("write", [samples.aqwa, samples.aqwa_lis])
+@pytest.mark.parametrize("changes, words", [
+    ({"rho": 1.025}, r"rho: 1.025 kg/m\^3 found, some 1000 needed; it looks like t/m\^3, so masses"),
+    ({"rho": 1.9905}, r"looks like slug/ft\^3"), ({"g": 32.174}, r"g: 32.174 m/s\^2 found.*looks like ft/s\^2")])
+def test_files_in_other_units_than_si_are_told_by_density_and_gravity(tmp_path, write, changes, words):
+    with pytest.raises(rss.InputError, match=words):
+        rss.read_hydro(write(plain_body(**changes), tmp_path))
+
+
+def test_a_density_given_in_tonnes_is_refused(tmp_path):
+    path = samples.wamit(plain_body(), tmp_path)
+    assert rss.read_hydro(path, rho=998.2).rho == 998.2
+    with pytest.raises(rss.InputError, match=r"body.1: rho: 1.025 kg/m\^3 found"):
+        rss.read_hydro(path, rho=1.025)
+
+
 def test_an_openfast_file_names_its_bodies_in_their_order(tmp_path):
     a, b = np.kron(np.eye(2), [[0.0, 1.0], [-4.0, -1.0]]), np.kron(np.eye(2), [[0.0], [1.0]])
     pair = rss.RadiationFit(("beta__Heave", "alpha__Heave"), a, b, np.kron(np.eye(2), [[0.0, 2.0]]), 2)

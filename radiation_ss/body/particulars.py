@@ -12,6 +12,7 @@ from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
+from radiation_ss.units import check_water
 
 if TYPE_CHECKING:
     from radiation_ss.body.model import Model
@@ -95,6 +96,7 @@ class Particulars:
             possible = {"GM": True, "C": True, "damping_ratio": number >= 0.0, "added_mass": number >= 0.0}
             if not np.isfinite(number) or not possible.get(name, number > 0.0):
                 raise InputError(f"{at}: {number:g}; a positive number is needed (SI: kg, m, s)")
+            check_water(at, number, name)
             if name == "damping_ratio" and number >= 1.0:
                 raise InputError(f"{at}: {number:g}; a share of critical damping below 1 is needed (0.05 is 5 %)")
 
@@ -159,14 +161,12 @@ def particulars(given: Mapping[str, Any]) -> Particulars:
 
 
 def size_doubts(p: Particulars, model: "Model", most: float = 100.0) -> Iterator[str]:
-    """Yield a sentence for what is no water, and each motion of a body far from the size of the water of its mass.
+    """Yield a sentence for each motion of a body far from the size of the water of its mass.
 
     In heave a body of vertical sides is m g / C deep; in roll and pitch its radius of gyration, with the added inertia,
     is sqrt(I / m). Neither is more than `most` times the side of the cube of water (m / rho)^(1/3), nor the depth less
     than that share of it.
     """
-    if not 500.0 < p.rho < 2000.0:
-        yield f"rho: {p.rho:g} kg/m^3; water has some 1000"
     for i, dof in enumerate(p.dof):
         mass, C, inertia = p.of("mass", dof), float(model.C[i, i]), float((model.M + model.A_inf)[i, i])
         if mass is None:

@@ -13,6 +13,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.linear_waves import wave_number
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
+from radiation_ss.units import check_water
 
 IntArray = NDArray[np.intp]
 log = logging.getLogger("radiation_ss")
@@ -101,7 +102,9 @@ def constant(path: Path | str, field: str, in_file: float | None, given: Mapping
         notes.append(f"{path}: {field} is not in the file; {default:g} assumed")
     if in_file is not None and field in given and not np.isclose(given[field], in_file, rtol=1e-6):
         raise InputError(f"{path}: {field} = {given[field]:g} given, but the file says {in_file:g}")
-    return positive(value, f"{path}: {field}", or_infinite=field == "depth")
+    value = positive(value, f"{path}: {field}", or_infinite=field == "depth")
+    check_water(f"{path}: {field}", value, field)
+    return value
 
 
 def delay(omega: FloatArray, directions: FloatArray, point: Sequence[float] | FloatArray, g: float,

@@ -134,8 +134,8 @@ def parse_header(path: Path, lines: list[str] | None = None) -> Header:
             header.points.append((point[0], point[1], point[2]))
             turned = line.partition("PHIBODY")[2].replace("=", " ")
             if turned and (angle := text.leading(path, k, turned, 1, "PHIBODY [deg]")[0]):
-                raise InputError(f"{path}, line {k + 1}: PHIBODY = {angle:g} deg: modes along turned axes are not read; "
-                                 "0 is needed, run WAMIT with XBODY(4) = 0 and a turned mesh")
+                raise InputError(f"{path}, line {k + 1}: PHIBODY = {angle:g} deg: modes along turned axes are not "
+                                 "read; 0 is needed, run WAMIT with XBODY(4) = 0 and a turned mesh")
         elif line.startswith("RHOTANK"):
             header.notes.append(f"{path}: interior tanks; their own restoring (line {k + 1}) is not in C")
         elif line.startswith("C(3,3)"):
