@@ -1,6 +1,8 @@
 """Models on disk and on the screen."""
 
 import os
+import re
+import warnings
 
 import numpy as np
 import pytest
@@ -103,3 +105,38 @@ def test_a_model_prints_in_ten_lines(model):
 
 def test_a_name_cannot_break_the_page():
     assert "<script>" not in tank_model().replace(name="<script>alert(1)</script>")._repr_html_()
+
+
+def doubted(c, **changes):
+    """Return what is said of K(s) = 500 c s / (s^2 + 4 s + 60) beside data of c = 1, and the motion's system."""
+    omega = np.linspace(0.5, 40.0, 80)
+    K = 500j * omega / (60.0 - omega**2 + 4j * omega)
+    data = rss.HydroData(omega, (8.0 + K.imag / omega)[:, None, None], K.real[:, None, None], [[8.0]], "Heave",
+                         M=[[12.0]], C=[[600.0]])
+    fit = rss.RadiationFit(("Heave",), [[0.0, 1.0], [-60.0, -4.0]], [[0.0], [500.0]], [[0.0, c]], 2,
+                           whole_error=0.01, rho=1000.0).replace(**changes)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        made = rss.cummins(data, fit)
+    assert np.allclose(made.A, rss.cummins(rss.Model.from_hydro(data, order=2), fit).A)
+    return [str(one.message) for one in said]
+
+
+@pytest.mark.filterwarnings("ignore::radiation_ss.errors.InputWarning")
+def test_a_fit_of_another_body_is_refused_and_one_that_is_a_little_off_is_told():
+    assert doubted(1.0) == doubted(1.015) == doubted(1.15, whole_error=0.1) == doubted(1.08, whole_error=np.nan) == []
+    assert re.match("fit: its K is off the coefficients of the data by 6 %, and it states 1 %; is it", doubted(1.06)[0])
+    assert "it states 1 %; it is for 1025 kg/m^3, these are for 1000; is it of this" in doubted(1.0, rho=1025.0)[0]
+    for c, off in ((150.0, "14900 %"), (0.01, "99 %")):
+        with pytest.raises(rss.InputError, match=f"by {off}, and it states 1 %: it is of another body"):
+            doubted(c)
+    with pytest.raises(rss.InputError, match="fit: not stable"):
+        doubted(1.0, a=[[0.0, 1.0], [-60.0, 4.0]])
+    assert "can give energy to the body" in doubted(-0.1, whole_error=1.0)[0]
+
+
+def test_a_model_s_own_radiation_is_not_doubted_when_it_is_read_again(tmp_path):
+    section = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.5, 22.0, 30)).select("Heave")
+    model = rss.Model.from_hydro(section.replace(M=[[16.0]]), order=3)
+    model.replace(fit=model.fit.replace(c=3.0 * model.fit.c)).write(tmp_path / "m.nc")
+    assert rss.read_model(tmp_path / "m.nc").dofs == ("Heave",)

@@ -19,7 +19,7 @@ from scipy.linalg import null_space
 
 from radiation_ss.arrays import FloatArray, listed, read_only
 from radiation_ss.atomic import write_whole
-from radiation_ss.body.dynamics import Matrices, continuous, natural_modes
+from radiation_ss.body.dynamics import Matrices, check_fit, continuous, from_hydro, natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
@@ -80,10 +80,11 @@ def model_of(data: HydroData, path: Path, fit: str | Path | RadiationFit | None,
         data = data.replace(notes=(*data.notes, f"{path}: its coefficients were changed since the model was written; "
                                    "name, tolerances and radiation model of the file are not used"))
         own = None
-    if fit is None and own is not None and order is None:
+    ours = fit is None and own is not None and order is None
+    if own is not None and ours:
         kept: RadiationFit = own["fit"]
         fit = kept if dofs is None else kept.select(listed(dofs))
-    model = Model.from_hydro(data, fit, dofs=dofs, order=order, accuracy=accuracy)
+    model = from_hydro(data, fit, dofs, order, accuracy, {}, own=ours)
     return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
 
 
@@ -189,13 +190,15 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
         raise InputError(f"fit: a RadiationFit or its file is needed, {type(fit).__name__} found")
     body = read_hydro(body) if hasattr(body, "data_vars") else body
     if isinstance(body, str | Path):
-        body = read_model(body, accuracy=PREDICTION) if fit is None else read_model(body).replace(fit=fit)
+        body = read_model(body, fit, accuracy=PREDICTION)
     body = body.nominal() if hasattr(body, "nominal") else body  # a plant with named uncertain parameters
-    if isinstance(body, Model):
-        return body if fit is None else body.replace(fit=fit)
-    if hasattr(body, "input_labels"):
-        model = in_cummins_coordinates(body)[0]
-        return model if fit is None else model.replace(fit=fit)
+    model = in_cummins_coordinates(body)[0] if hasattr(body, "input_labels") else body
+    if isinstance(model, Model):
+        if fit is None or fit is model.fit:
+            return model
+        if model.hydro is not None:
+            check_fit(fit, model.hydro)
+        return model.replace(fit=fit)
     if fit is None:
         raise InputError("fit: missing; make one with fit_radiation(data, order)")
     if isinstance(body, HydroData):

@@ -15,7 +15,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID, HydroData, force_unit, mode, motion_unit
-from radiation_ss.hydro.measures import inertia_not_symmetric, statically_unstable, unstable_text
+from radiation_ss.hydro.measures import inertia_not_symmetric, percent, statically_unstable, unstable_text
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -169,8 +169,11 @@ def text(model: Model, most: int = 6) -> str:
 
 
 def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | None, order: int | None,
-               accuracy: float | None, options: dict[str, object]) -> Model:
-    """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`."""
+               accuracy: float | None, options: dict[str, object], own: bool = False) -> Model:
+    """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`.
+
+    `own`: the fit is known to be of these data.
+    """
     if fit is not None and not isinstance(fit, RadiationFit):
         raise InputError(f"fit: a RadiationFit is needed, {type(fit).__name__} found (order=2 makes one of order 2)")
     if dofs is None and fit is not None:
@@ -181,16 +184,46 @@ def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | 
     for name, what in (("M", "the inertia matrix"), ("C", "the hydrostatic stiffness")):
         if getattr(data, name) is None:
             raise InputError(f"{data.source or 'data'}: {what} ({name}) is missing and a model needs it")
+    given = fit is not None
     if fit is None:
         fit = fit_for_motion(data, order, accuracy, options)
     elif data.A_inf is not None and (skew := inertia_not_symmetric(data.A_inf, data.M, data.dofs)):
         warnings.warn(InputWarning(f"{data.source or 'data'}: {skew}"), stacklevel=3)
     assert data.M is not None and data.C is not None and data.A_inf is not None
+    if given and not own:
+        check_fit(fit, data)
     if loose := statically_unstable(data.M, data.C, data.dofs):
         warnings.warn(InputWarning(f"{data.source or 'data'}: {unstable_text(loose)}; check the centre of gravity, "
                                    "or add what restores it: model.attached(stiffness={...})"), stacklevel=3)
     return Model(dofs=data.dofs, M=data.M, A_inf=data.A_inf, C=data.C, fit=fit, D=data.D,  # type: ignore[arg-type]
                hydro=data, name=Path(data.source).stem or "body")
+
+
+def check_fit(fit: RadiationFit, data: HydroData, usual: float = 0.1, change: float = 0.02, other: float = 0.9) -> None:
+    """Refuse a radiation model that is not stable or of another body than the data; warn of one that does not fit.
+
+    Its error is compared with what it states, or `usual` where it states none. More than twice that, and more by
+    `change`, is doubtful; by `other`, about as far off as no radiation at all, it is of another body.
+    """
+    from radiation_ss.fit.problem import joint_error
+
+    if fit.states == 0 or tuple(fit.dofs) != data.dofs or data.A_inf is None:
+        return
+    if not fit.stable:
+        raise InputError(f"fit: not stable, {fit.certificate}")
+    if not fit.passive:
+        warnings.warn(InputWarning(f"fit: it can give energy to the body; {fit.certificate}"), stacklevel=4)
+    stated = usual if np.isnan(fit.whole_error) else fit.whole_error
+    off = joint_error(data, fit.frequency_response(data.omega))
+    dense = (f"; it is for {fit.density:g} kg/m^3, these are for {data.rho:g}"
+             if fit.density is not None and abs(fit.density - data.rho) > 1e-3 * data.rho else "")
+    said = (f"fit: its K is off the coefficients of {data.source or 'the data'} by {percent(off)}, and "
+            + (f"{percent(stated)} is usual" if np.isnan(fit.whole_error) else f"it states {percent(stated)}") + dense)
+    if off > stated + other:
+        raise InputError(f"{said}: it is of another body, reference point, unit or sign; fit_radiation makes one of "
+                         "these coefficients")
+    if off > max(2.0 * stated, stated + change) or dense:
+        warnings.warn(InputWarning(f"{said}; is it of this body?"), stacklevel=4)
 
 
 def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, options: dict[str, object],

@@ -103,13 +103,13 @@ class Model(Shown):
         Raises
         ------
         InputError
-            If M or C is missing.
+            If M or C is missing, or the fit is not stable or of another body.
 
         Warns
         -----
         InputWarning
             If C is negative in some motion: the body is statically unstable. If M or A_inf is not symmetric: it is not
-            passive.
+            passive. If the fit is not passive, or further off the data than it states.
 
         >>> section = rss.section_2d(rss.lewis_section(1.0, 0.5, 0.9), [0.2 * k for k in range(1, 20)]).select("Heave")
         >>> rss.Model.from_hydro(section.replace(M=[[1500.0]]), order=3).fit.states
