@@ -96,6 +96,34 @@ def test_orcaflex_rows_of_many_lines_older_names_and_several_vessels(tmp_path):
         rss.read_hydro(samples.aqwa(data, tmp_path), vessel="Vessel type1")
 
 
+def test_orcaflex_draughts_are_chosen_by_name(tmp_path):
+    data = plain_body(reference_point=(2.5, 0.5, -2.0))
+    path = samples.orcaflex(data, tmp_path)
+    head, draught, rest = re.match(r"(.*Draughts:\n)(      - Name: Draught1\n.*)(    WireFrame.*)", path.read_text(),
+                                   re.DOTALL).groups()
+    ballast = re.sub(r"( Mass: )(\S+)", lambda m: f"{m[1]}{2.0 * float(m[2]):.12g}", draught)
+    path.write_text(head + draught + ballast.replace("Draught1", "Ballast") + rest)
+    with pytest.raises(rss.InputError, match=r"2 draughts with \w+ \(Draught1, Ballast\); give draught= one of"):
+        rss.read_hydro(path, vessel="Vessel type1")
+    assert_close(rss.read_hydro(path, draught="Draught1"), data, ("A", "M"))
+    assert rss.read_hydro(path, draught="Ballast").M[0, 0] == pytest.approx(2.0 * data.M[0, 0])
+    with pytest.raises(rss.InputError, match="no vessel type 'Full' with"):
+        rss.read_hydro(path, draught="Full")
+
+
+def test_orcaflex_groups_of_bodies_are_told(tmp_path):
+    """As OrcaFlex names them: the group's tables stand in for those of the vessel types."""
+    data = plain_body(reference_point=(2.5, 0.5, -2.0))
+    path = samples.orcaflex(data, tmp_path)
+    path.write_text(path.read_text() + "MultibodyGroups:\n  - Name: Group1\n    Bodies:\n      - Name: A\n")
+    got = rss.read_hydro(path)
+    assert_close(got, data, ("A", "B", "C"))
+    assert "vessel type Vessel type1 alone, without other bodies" in " ".join(got.notes)
+    path.write_text(path.read_text().replace("FrequencyDependentAddedMassAndDamping", "OtherName"))
+    with pytest.raises(rss.InputError, match=r"MultibodyGroups \(line \d+\) hold those of bodies beside each other"):
+        rss.read_hydro(path)
+
+
 def test_orcawave_input_is_no_result(tmp_path):
     path = tmp_path / "model.yml"
     path.write_text("General:\n  UnitsSystem: SI\nBodies:\n  - BodyName: A\n")

@@ -238,7 +238,8 @@ def hydro_argument(to: argparse.ArgumentParser) -> None:
                              ("length", "M", "WAMIT's length scale ULEN")):
         to.add_argument(f"--{name}", type=float, metavar=unit, help=f"{what}, where the file does not carry it")
     to.add_argument("--first-column", metavar="WHAT", help="of WAMIT's files: period, omega, wavenumber, wavelength")
-    to.add_argument("--vessel", metavar="NAME", help="the vessel type, where an OrcaFlex file holds several")
+    for name, what in (("vessel", "vessel type"), ("draught", "draught of the vessel type")):
+        to.add_argument(f"--{name}", metavar="NAME", help=f"the {what}, where an OrcaFlex file holds several")
 
 
 def model_argument(to: argparse.ArgumentParser) -> None:

@@ -177,7 +177,7 @@ def blind(args: argparse.Namespace) -> None:
 def read_hydro_argument(args: argparse.Namespace) -> HydroData:
     """Read HYDRO with its options."""
     return rss.read_hydro(args.hydro, args.format, rho=args.rho, depth=args.depth, length=args.length,
-                          first_column=args.first_column, vessel=args.vessel)
+                          first_column=args.first_column, vessel=args.vessel, draught=args.draught)
 
 
 def read_records(args: argparse.Namespace, paths: Sequence[Path], data: HydroData) -> list[Record]:

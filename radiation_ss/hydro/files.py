@@ -15,12 +15,14 @@ FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", 
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
 HAMS, HYDROSTAR = "Input/ControlFile.in", "AddedMass_11.rao"  # what tells their folders
-OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex"}  # whose files an option is for
+# Whose files an option is for
+OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex", "draught": "OrcaFlex"}
 
 
 def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rho: float | None = None,
                g: float | None = None, depth: float | None = None, length: float | None = None,
-               first_column: str | None = None, vessel: str | None = None) -> HydroData:
+               first_column: str | None = None, vessel: str | None = None,
+               draught: str | None = None) -> HydroData:
     """Read hydrodynamic coefficients; units, signs and ordering are converted to the package's.
 
     Parameters
@@ -40,8 +42,8 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
     first_column : {'period', 'omega', 'wavenumber', 'deep_wavenumber', 'wavelength'}, optional
         What the first column of WAMIT's .1 and .3 is. If not given a period, unless another reading satisfies the
         Kramers-Kronig relations clearly better; a note says so.
-    vessel : str, optional
-        The vessel type of an OrcaFlex .yml that holds several.
+    vessel, draught : str, optional
+        The vessel type of an OrcaFlex .yml that holds several, and its draught.
 
     Returns
     -------
@@ -83,7 +85,7 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
                          "write_hydro(HydroData(omega, A, B, dofs=...), 'body.nc')")
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
-    options = {key: value for key, value in zip(OWNER, (length, first_column, vessel)) if value is not None}
+    options = {key: value for key, value in zip(OWNER, (length, first_column, vessel, draught)) if value is not None}
     for key in options:
         if name != OWNER[key].lower():
             raise InputError(f"{path}: {key} is for {OWNER[key]} files, this one is read as {name}")

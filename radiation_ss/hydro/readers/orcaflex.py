@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, constant, delay
+from radiation_ss.hydro.readers.assemble import assemble, constant, delay, log
 from radiation_ss.units import FORCE, LENGTH
 
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
@@ -30,18 +30,19 @@ MEANS = {"RAOPhaseConvention": {"leads": 1.0, "lags": -1.0},
          "RAOPhaseRelativeToConvention": {"crest": 0.0, "trough": np.pi, "zero up-crossing": np.pi / 2.0,
                                           "zero down-crossing": -np.pi / 2.0},
          "RAOWaveUnit": {"amplitude": 1.0, "double amplitude": 2.0}}
+GROUPS = "MultibodyGroups"
 RAO_COLUMNS = 13  # period or frequency, then amplitude and phase of six modes
 Tree = dict[str, Any]
 Line = tuple[int, int, str]  # number, indentation, content
 
 
-def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
-    """Read the vessel type with frequency-dependent added mass and damping, of several the one of that name.
+def read(path: Path, *, vessel: str | None = None, draught: str | None = None, **given: float) -> HydroData:
+    """Read the vessel type and its draught with frequency-dependent added mass and damping, of several the one named.
 
     InputError if there is none or more than one, a convention or unit is not known, or a matrix is not whole.
     """
     file = _Tree(path)
-    kind, draught = file.vessel(vessel)
+    kind, state = file.vessel(vessel, draught)
     general, sea = file.top("General"), file.top("Environment")
     si = general.get("UnitsSystem") == "SI"
     length, mass, force = (file.unit(general, key, table, default, si) for key, table, default in (
@@ -55,21 +56,25 @@ def read(path: Path, vessel: str | None = None, **given: float) -> HydroData:
     g = constant(path, "g", length * file.number(general, "g") if "g" in general else 9.80665, given, 9.80665, notes)
     power = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     scale = length ** (power[:, None] + power)  # a rotation brings in a length each
-    rows = draught["FrequencyDependentAddedMassAndDamping"]
+    if GROUPS in file.sections:
+        notes.append(f"{path}: {GROUPS} (from line {file.sections[GROUPS] + 1}) are not read: A, B and C are those of "
+                     f"vessel type {str(kind.get('Name'))[:40]} alone, without other bodies beside it")
+        log.warning(notes[-1])
+    rows = state["FrequencyDependentAddedMassAndDamping"]
     omega = file.omega(kind, [file.number(row, "AMDPeriodOrFrequency") for row in rows])
     # Damping is a force over a velocity: where the units of the file do not cohere, that is no mass per second.
     A, B = (np.array([file.table(row, name, (6, 6)) for row in rows]) * scale * unit
             for name, unit in (("AddedMassMatrix", mass), ("Damping", force / length)))
     C = np.zeros((6, 6))
-    C[2:5, 2:5] = file.table(draught, "HydrostaticStiffness", (3, 3)) * force / length * scale[2:5, 2:5]
-    origin = length * file.table(draught, "ReferenceOrigin", (3,))
-    datum, heel, trim = file.table(draught, "ReferenceOriginDatumPosition", (3,))  # Z and two angles
+    C[2:5, 2:5] = file.table(state, "HydrostaticStiffness", (3, 3)) * force / length * scale[2:5, 2:5]
+    origin = length * file.table(state, "ReferenceOrigin", (3,))
+    datum, heel, trim = file.table(state, "ReferenceOriginDatumPosition", (3,))  # Z and two angles
     if heel or trim:
         raise InputError(f"{path}: ReferenceOriginDatumPosition: heel {heel:g} and trim {trim:g}; 0 needed")
     point = np.array([*origin[:2], length * datum])
-    fields: dict[str, Any] = {"M": _mass(file, draught, mass, length, origin), "C": C}
-    if "LoadRAOs" in draught and draught["LoadRAOs"].get("RAOs"):
-        raos = draught["LoadRAOs"]
+    fields: dict[str, Any] = {"M": _mass(file, state, mass, length, origin), "C": C}
+    if "LoadRAOs" in state and state["LoadRAOs"].get("RAOs"):
+        raos = state["LoadRAOs"]
         X, angle = _forces(file, kind, raos, omega, force / length * length ** power)
         about = file.table(raos, "RAOOrigin", (3,))
         left_out = set(str(raos.get("PhaseOrigin"))) <= set("[~, ]")
@@ -120,13 +125,16 @@ class _Tree:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.sections: dict[str, int] = {}
         found: list[Line] = []
         inside, section = False, ""
         for k, line in enumerate(text.lines(path)):
             content = " ".join(line.split())
             if not content or content.startswith(("#", "%", "---", "...")):
                 continue
-            section = content if line[0].isalpha() and not inside else section
+            if line[0].isalpha() and not inside:
+                section = content
+                self.sections[content.removesuffix(":")] = k
             if section not in ("General:", "Environment:", "VesselTypes:"):
                 continue
             if inside:
@@ -171,20 +179,26 @@ class _Tree:
             raise InputError(f"{self.path}: section {name} is missing; a .yml of OrcaFlex is needed")
         return found
 
-    def vessel(self, wanted: str | None) -> tuple[Tree, Tree]:
-        """Return the vessel type, of several the one with the name wanted, and its draught that holds added mass."""
+    def vessel(self, vessel: str | None, draught: str | None) -> tuple[Tree, Tree]:
+        """Return the vessel type and its draught that hold added mass, of several those with the names."""
         types: Any = self.root.get("VesselTypes") if isinstance(self.root, dict) else None
         name = "FrequencyDependentAddedMassAndDamping"
-        found = [(vessel, draught) for vessel in types or [] if isinstance(vessel, dict)
-                 for draught in vessel.get("Draughts") or []
-                 if isinstance(draught, dict) and isinstance(draught.get(name), list)
-                 and wanted in (None, vessel.get("Name"))]
-        if len(found) != 1 or not all(isinstance(row, dict) for row in found[0][1][name]):
-            named = ", ".join(str(vessel.get("Name"))[:40] for vessel, _ in found[:8])
-            what = f"{self.path}: {len(found)} vessel types{f' {wanted!r}' if wanted else ''} with {name}"
-            raise InputError(f"{what} ({named}); give vessel= one of the names" if found else
-                             f"{what}; one is needed (the results that OrcaWave exports, not its input)")
-        return found[0]
+        found = [(kind, state) for kind in types or [] if isinstance(kind, dict) and vessel in (None, kind.get("Name"))
+                 for state in kind.get("Draughts") or []
+                 if isinstance(state, dict) and draught in (None, state.get("Name"))
+                 and isinstance(rows := state.get(name), list) and all(isinstance(row, dict) for row in rows)]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            kinds, states = ([str(one.get("Name"))[:40] for one in part[:8]] for part in zip(*found))
+            one, names = ("vessel", kinds) if len({*kinds}) > 1 else ("draught", states)
+            raise InputError(f"{self.path}: {len(found)} {one}s with {name} ({', '.join(names)}); give {one}= one of "
+                             "the names")
+        asked = "".join(f" {one!r}" for one in (vessel, draught) if one)
+        raise InputError(f"{self.path}: no vessel type{asked} with {name}; " + (
+            f"{GROUPS} (line {self.sections[GROUPS] + 1}) hold those of bodies beside each other, which are not read: "
+            "export a run of one body" if GROUPS in self.sections else
+            "one is needed (the results that OrcaWave exports, not its input)"))
 
     def number(self, tree: Tree, key: str) -> float:
         value = str(tree.get(key))
