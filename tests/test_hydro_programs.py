@@ -167,6 +167,28 @@ def test_aqwa_listing_of_two_structures_that_lacks_something(tmp_path, page, sen
         rss.read_hydro(path)
 
 
+def test_aqwa_listing_of_version_14_and_one_that_is_cut_off(tmp_path):
+    """As a dynamic positioning simulator's (mind-ocean/DP-simulator): the whole point is on the hydrostatic page."""
+    data, centres = two_bodies(), ((0.0, 0.0, -2.0), (7.0, -3.0, -1.0))
+    path = samples.aqwa_lis(data, tmp_path, centres)
+    pages = "".join(f"""1
+  * * * * H Y D R O S T A T I C   P R O P E R T I E S   I N   T H E   F R E E   F L O A T I N G
+                                       * * * * F O R   S T R U C T U R E   {k} * * * *
+                                     C.O.G       GX=   {x:7.4f}  GY=   {y:7.4f}  GZ=   {z:7.4f}
+""" for k, (x, y, z) in enumerate(centres, 1))
+    old = re.sub(r"THE CENTRE OF GRAVITY  AT .*(\S+)\)", r"Z POSITION OF THE CENTRE OF GRAVITY  . =  \1",
+                 path.read_text())
+    first = re.search(r"1\n.*H Y D R O D Y N A M I C", old).start()
+    path.write_text(old[:first] + pages + old[first:])
+    assert_close(rss.read_hydro(path), data, ("omega", "A", "B", "X", "C", "M"))
+    path.write_text(old[:first] + pages)
+    with pytest.raises(rss.InputError, match="a stiffness, or any added mass is missing; cut off"):
+        rss.read_hydro(path)
+    path.write_text(old[:first])
+    with pytest.raises(rss.InputError, match=r"centres of gravity .* of no structure; .*cut off"):
+        rss.read_hydro(path)
+
+
 def test_aqwa_listing_whose_high_frequency_has_no_coupling_gives_no_a_inf(tmp_path):
     path = samples.aqwa_lis(two_bodies(), tmp_path, ((0.0, 0.0, -2.0), (7.0, -3.0, -1.0)))
     head, mark, tail = path.read_text().partition("F O R   S T R U C T U R E   1\n")

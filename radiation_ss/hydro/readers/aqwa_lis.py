@@ -74,8 +74,9 @@ def _complete(path: Path, found: Tables, count: int) -> bool:
 
     incomplete = [w for w in found if set(found[w]) != wanted(w)]
     if incomplete or 0.0 not in found or not any(0.0 < w < np.inf for w in found):
-        raise InputError(f"{path}: stiffness, or added mass or damping at {incomplete[:4]} rad/s is missing; "
-                         "cut off?")
+        what = ("a stiffness, or any added mass" if not incomplete else
+                f"stiffness, or added mass or damping at {incomplete[:4]} rad/s")
+        raise InputError(f"{path}: {what} is missing; cut off?")
     return coupled or count == 1
 
 
@@ -96,14 +97,18 @@ def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[Tables, dict
     """Return the tables, but for those of low and high frequencies, and the point of each structure's rotations."""
     found: Tables = {}
     points: dict[int, Point] = {}
+    floating: dict[int, Point] = {}  # on the page of hydrostatics; version 14 gives the point nowhere else
     inside = limits = False
     structure = 1
     omega: float | None = 0.0
     for k, line in enumerate(bare):
         if line.startswith("****"):
             inside, limits, omega = SECTION in line, "ATLOW&HIGH" in line, 0.0
-        if inside and (match := re.search(r"FORSTRUCTURE(\d+)", line)):
+        if match := re.search(r"FORSTRUCTURE(\d+)", line):
             structure = int(match[1])
+        elif match := re.search(r"C\.O\.G\.?GX=(.+)GY=(.+)GZ=(.+)", line):
+            x, y, z = text.row(path, k, " ".join(match.groups()), 3, "centre of gravity [m]")
+            floating[structure] = (x, y, z)
         elif inside and "THECENTREOFGRAVITYAT(" in line:
             x, y, z = text.leading(path, k, lines[k].partition("(")[2].replace(",", " ").replace(")", " "), 3, "point")
             if structure in points:
@@ -123,9 +128,11 @@ def _tables(path: Path, lines: list[str], bare: list[str]) -> tuple[Tables, dict
             found[omega][name, force, structure] = _six(path, lines, k)
     if omega is None or (any("ATLOW&HIGH" in line for line in bare) and np.inf not in found):
         raise InputError(f"{path}: the high frequency of the section on low and high ones is missing; cut off?")
+    points = floating | points
     if not points or sorted(points) != list(range(1, len(points) + 1)):
-        raise InputError(f"{path}: lines THE CENTRE OF GRAVITY AT (x, y, z) of structures {sorted(points)}; one of "
-                         "each structure from 1 on is needed")
+        of = f"of structures {sorted(points)} only" if points else "of no structure"
+        raise InputError(f"{path}: centres of gravity (C.O.G. GX= GY= GZ=, or AT (x, y, z)) {of}; each from 1 on is "
+                         "needed: cut off, or no AQWA-LINE listing?")
     return found, dict(sorted(points.items()))
 
 
