@@ -3,6 +3,7 @@
 import ctypes
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -108,8 +109,31 @@ def test_the_filter_in_c_is_the_live_filter_at_its_settled_gain(tmp_path):
     assert np.abs(np.array(found) - expected.force.mean[0])[late].max() < 2e-5 * np.abs(force).max()
     width = (expected.force.upper - expected.force.lower)[0, -1] / (2.0 * 1.96)
     assert std[0] == pytest.approx(width, rel=1e-3)
-    lost = step((x, [np.nan, np.nan]), (size, 1, 1))[0]
-    assert np.isfinite(lost).all() and lost.any()
+    lost, now, std = step((x, [np.nan, np.nan]), (size, 1, 1))
+    assert np.isfinite(lost).all() and lost.any() and np.isfinite(now).all() and np.isnan(std).all()
+
+
+@needs_gcc
+def test_the_filter_in_c_says_which_channel_it_cannot_be_without(tmp_path):
+    """Against runs on samples of zero with a channel missing, from small states: some grow without bounds."""
+    rng, n = np.random.default_rng(5), 400
+    shapes = {"Sway": 1.0, "Roll": 1.0, "Roll_velocity": 5.0, "Sway_acceleration": 30.0}
+    record = rss.Record(0.01 * np.arange(n), {name: 0.01 * size * rng.standard_normal(n).cumsum() / 20.0
+                                              for name, size in shapes.items()})
+    live = rss.DualEnKF(coupled_model(("Sway", "Roll")), noise={name: 1e-4 * size for name, size in shapes.items()},
+                        n_ensemble=20, learn="never", gate=1e9).prepare(record)
+    head = rss.write_c(live, tmp_path / "filter.c").read_text(encoding="utf-8").partition("*/")[0]
+    assert "std: NaN where a channel is missing" in head
+    size, names = int(re.search(r"x\[(\d+)\]", head)[1]), re.search(r" y: (.*)", head)[1].split(", ")
+    step, found = Library(tmp_path / "filter.c", "filter_step"), []
+    for k, name in enumerate(names):
+        x, most = 1e-6 * rng.standard_normal(size), []
+        for _ in range(500):
+            x = step((x, np.where(np.arange(4) == k, np.nan, 0.0)), (size, 2, 2))[0]
+            most.append(np.abs(x).max())
+        found += [name] * bool(most[-1] > 100.0 * most[100])
+    assert 0 < len(found) < 4
+    assert re.search(r"diverges while one of these is missing: (.*)", head)[1].split(", ") == found
 
 
 @needs_gcc
@@ -177,6 +201,15 @@ int main(void) {
     took = json.loads(subprocess.run([tmp_path / "main"], check=True, capture_output=True, text=True).stdout)
     print(took, model.fit.states)
     assert took["plant"] < 20.0 and took["filter"] < 400.0  # one filter for each of 31 directions of the parameters
+
+
+def test_a_delay_is_no_part_of_the_unit_and_the_code_and_said(tmp_path):
+    model, late = tank_model(), [("excitation_delay", {"delay": 0.05}), ("clock_drift", {"rate": 1e-3})]
+    words = "excitation_delay on Heave, clock_drift left out: delays"
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        rss.write_c(model, tmp_path / "plant.c", late)
+    with pytest.warns(rss.errors.InputWarning, match=words):
+        rss.write_fmu(model, tmp_path / "plant.fmu", late)
 
 
 def test_code_of_what_cannot_be_is_refused(tmp_path):

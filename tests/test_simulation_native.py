@@ -35,8 +35,9 @@ def test_the_native_system_moves_as_simulate_does(effects):
 
 def test_names_and_linearisation_are_those_of_the_composite():
     model = coupled_model()
-    system = nonlinear_system(model, [("linear_damping", "Roll", {"coefficient": 3e5}),
-                                      ("excitation_delay", "Sway", {"delay": 0.1})])
+    with pytest.warns(rss.errors.InputWarning, match="excitation_delay on Sway left out"):
+        system = nonlinear_system(model, [("linear_damping", "Roll", {"coefficient": 3e5}),
+                                          ("excitation_delay", "Sway", {"delay": 0.1})])
     plant = model.attached(damping={"Roll": 3e5}).to_ss()
     assert system.input_labels == plant.input_labels and system.output_labels == plant.output_labels
     assert system.params["left_out"] == ("excitation_delay on Sway",)

@@ -20,14 +20,13 @@ from radiation_ss.arrays import FloatArray, positive, read_only
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.effects import activated
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.bank import bank_of
 from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
-from radiation_ss.simulation.equations import signals_of, state_equations
+from radiation_ss.simulation.equations import signals_of, state_equations, without_delays
 
 MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}
@@ -48,7 +47,8 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
     path : str or Path
         Ends in .fmu.
     effects : iterable
-        As in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays of force and sensors are left out.
+        As in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays of force and sensors, and the
+        drift of a clock, are left out; a warning names them.
     start : ndarray, shape (states,), optional
         At time zero; zero if absent.
     headers : str or Path, optional
@@ -79,7 +79,7 @@ def write_fmu(model: Model, path: str | Path, effects: Iterable[Any] = (), *, st
         with contextlib.chdir(folder):
             # CasADi 3.7 has no such options and returns names without their places.
             options = {"no_warning": True, "with_serialization": False} if hasattr(ca.DaeBuilder, "pack_fmu") else {}
-            made = described(model, activated(effects, model), start).export_fmu(options)
+            made = described(model, without_delays(model, effects), start).export_fmu(options)
         description = Path(folder) / "modelDescription.xml"
         files = {Path(folder) / name: f"sources/{name}" for name in made} | {description: description.name}
         _tidy(description, model.name)
@@ -162,7 +162,8 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     after `prepare` or `run`: `filter_step` (x, y) -> (x, force, its standard deviation), the Kalman filter at the
     parameters reached so far, with the gain that it settles to and the record's interval, and beside it one for each
     direction in which the parameters are unsure: the standard deviation holds both. A sample that is NaN, or beyond
-    the filter's gate, counts as missing; the gain stays. x is zero before the first sample.
+    the filter's gate, counts as missing: the gain stays, and the standard deviation, which is for all channels, is NaN
+    then. For a channel that stays away write a filter without it. x is zero before the first sample.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     path : str or Path
         Ends in .c.
     effects : iterable
-        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body. Delays are left out.
+        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body; as in `write_fmu`.
     dt : float, optional
         Time step of `plant_step` [s].
 
@@ -195,7 +196,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
         functions, lists = _filter(plant)
         dt = plant.interval
     else:
-        functions, lists = _plant(plant, activated(effects, plant), dt)
+        functions, lists = _plant(plant, without_delays(plant, effects), dt)
     generator = ca.CodeGenerator(target.stem, {"with_header": True})
     for function in functions:
         generator.add(function)
@@ -260,10 +261,14 @@ def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]
     after = ahead + ca.mtimes(ca.DM(gain), ca.if_else(ca.repmat(taken, 1, count), e, 0.0))
     force = after[size - 2 * filter_.model.n:size:2, :]
     apart = (force[:, 1:] - ca.repmat(force[:, 0], 1, count - 1)) / near  # by a standard deviation of the parameters
-    std = ca.sqrt(spread[size - 2 * filter_.model.n:size:2] ** 2 + ca.sum2(apart**2))
+    whole = ca.sqrt(spread[size - 2 * filter_.model.n:size:2] ** 2 + ca.sum2(apart**2))
+    std = ca.if_else(ca.mmin(taken), whole, np.nan)
     step = ca.Function("filter_step", [x, y], [ca.vec(after), force[:, 0], std], ["x", "y"], ["after", "force", "std"])
-    channels = list(rows_of(filter_.model.dofs))
-    return [step], {"y": [name for name, have in zip(channels, there) if have], "force": list(filter_.model.dofs)}
+    channels = [name for name, have in zip(rows_of(filter_.model.dofs), there) if have]
+    without = [np.eye(size) - np.delete(gain, k, 1) @ np.delete(H[0], k, 0) for k in range(len(channels))]
+    held = [name for name, left in zip(channels, without) if np.abs(np.linalg.eigvals(left @ F[0])).max() > 1.0 + 1e-9]
+    return [step], {"y": channels, "force": list(filter_.model.dofs), "std": ["NaN where a channel is missing"],
+                    "the force diverges while one of these is missing": held or ["none"]}
 
 
 def deviations(filter_: DualEnKF, members: FloatArray, least: float = 0.1) -> FloatArray:

@@ -1,6 +1,7 @@
 """The equations of motion of the composite with a set of effects: CasADi functions, and a python-control system."""
 
 import re
+import warnings
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import activated
 from radiation_ss.effects.acting import acting
 from radiation_ss.effects.definition import DEPTHS, Active, named, vector_of
+from radiation_ss.errors import InputWarning
 from radiation_ss.hydro.data import signal
 from radiation_ss.methods import accepting
 
@@ -265,6 +267,20 @@ def signals_of(model: Model, effects: Iterable[Any] = ()) -> tuple[list[str], li
     return states, [*inputs, *extra], list(outputs)
 
 
+def without_delays(model: Model, effects: Iterable[Any]) -> tuple[Active, ...]:
+    """Return the effects as `activated` does; a warning names those that a system without delays leaves out."""
+    actives = activated(effects, model)
+    if labels := ", ".join(left_out(actives)):
+        warnings.warn(InputWarning(f"{model.name}: {labels} left out: delays, phases and clocks of the force and the "
+                                   "sensors belong to the system's inputs and outputs"), stacklevel=4)
+    return actives
+
+
+def left_out(actives: Iterable[Active]) -> tuple[str, ...]:
+    """Return the labels of the effects that change the time of the force or of a sensor."""
+    return tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
+
+
 @accepting(model=as_model)
 def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None = None) -> "ct.NonlinearIOSystem":
     """Return the model with effects as a python-control system.
@@ -273,7 +289,8 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     [m/s], `wave_envelope` [m], `<dof>_orbital` and `<dof>_orbital_below_<k>` [m/s, rad/s], at the body and k thirds of
     (m / rho)^(1/3) below it, and the forward speed `speed` [m/s]; outputs `<dof>` as its sensor reads it, `<dof>_vel`,
     `<dof>_acc`. States are named `rad<k>`, `<dof>`, `<dof>_vel` as in `cummins`, then `<effect>_<k>`. Delays of force
-    and sensors and a phase of the force are left out; `params["left_out"]` names them.
+    and sensors, a phase of the force and the drift of a clock are left out; a warning and `params["left_out"]` name
+    them.
 
     Parameters
     ----------
@@ -293,14 +310,13 @@ def nonlinear_system(model: Model, effects: Iterable[Any] = (), name: str | None
     """
     import control as ct
 
-    actives = activated(effects, model)
+    actives = without_delays(model, effects)
     function = state_equations(model, actives)
     states, inputs, outputs = signals_of(model, actives)
 
     def at(t: float, x: FloatArray, u: FloatArray, which: int) -> FloatArray:
         return np.asarray(function(t, x, u)[which]).ravel()
 
-    left_out = tuple(a.label for a in actives if a.effect.clock_in is not None or a.effect.clock_out is not None)
     return ct.nlsys(lambda t, x, u, params: at(t, x, u, 0), lambda t, x, u, params: at(t, x, u, 1),
                     states=states, inputs=inputs, outputs=outputs, name=re.sub(r"\W+", "_", name or model.name),
-                    params={"left_out": left_out})
+                    params={"left_out": left_out(actives)})
