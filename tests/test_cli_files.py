@@ -196,6 +196,11 @@ def test_bad_input_is_one_line_and_status_two(name, folder, tmp_path, capsys):
     ("diagnose", ["decay.csv", "--out", "tank.nc/gap"], "tank.nc is a file"),
     pytest.param("diagnose", ["decay.csv", "--out", "/proc/gap"], "nothing can be written into /proc",
                  marks=pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc")),
+    ("check", ["--out", "x.txt"], "must end with one of .png, .svg, .pdf"),
+    ("simulate", ["decay.csv", "--heading", "30", "--out", "p.csv"], "--heading is for --sea"),
+    ("simulate", ["--decay", "Heave=0.01", "--heading", "30", "--out", "p.csv"], "--heading is for --sea"),
+    ("simulate", ["decay.csv", "--duration", "3", "--out", "p.csv"], "--duration is for --sea and --decay"),
+    ("identify", ["decay.csv", "--preset", "paper", "--method", "spectral", "--out", "x"], "leave out --method"),
     ("simulate", ["decay.csv", "--out", "motion.txt"], ".csv"), ("simulate", ["--out", "p.csv"], "--decay"),
     ("simulate", ["--order", "3", "--decay", "Pitch=1", "--out", "p.csv"], "Heave"),
     ("simulate", ["--order", "3", "--decay", "Heave=deep", "--out", "p.csv"], "not a number")])
@@ -228,6 +233,25 @@ def test_a_reader_that_has_enough_is_no_failure(folder, unbuffered):
     program.stdout.close()
     assert program.stderr.read() == b"" and program.wait() == 0
     program.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_or_closed_standard_output_is_named(folder):
+    for place, status, said in ((">/dev/full", 2, b"standard output: No space left on device\n"),
+                                (">&-", 0, b"warning: standard output is closed; the result is not printed\n")):
+        command = f"exec {sys.executable} -m radiation_ss check {folder / 'tank.nc'} {place}"
+        done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE)
+        assert (done.returncode, done.stderr) == (status, b"radiation-ss: " + said)
+
+
+def test_a_fit_with_an_order_is_one_too_many(folder, tmp_path, capsys):
+    fit = tmp_path / "fit.json"
+    assert run("fit", folder / "tank.nc", "--order", 3, "--out", fit) == 0
+    words = ["simulate", folder / "tank.nc", folder / "decay.csv", "--fit", fit, "--out", tmp_path / "p.csv"]
+    assert run(*words) == 0
+    capsys.readouterr()
+    assert run(*words, "--order", 4) == 2
+    assert "fit: given, and order too" in capsys.readouterr().err
 
 
 def test_a_decay_without_a_record_has_the_period_of_the_model(folder, tmp_path):

@@ -176,6 +176,9 @@ def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | 
     """
     if fit is not None and not isinstance(fit, RadiationFit):
         raise InputError(f"fit: a RadiationFit is needed, {type(fit).__name__} found (order=2 makes one of order 2)")
+    if fit is not None and (order is not None or options):
+        other = ", ".join(["order"] * (order is not None) + [*options])
+        raise InputError(f"fit: given, and {other} too, which is for a fit that is made; give one of the two")
     if dofs is None and fit is not None:
         dofs = fit.dofs
     if dofs is not None:

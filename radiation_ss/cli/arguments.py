@@ -1,7 +1,6 @@
 """The command line: its verbs and their options, and their completion in bash and zsh."""
 
 import argparse
-import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -9,7 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import radiation_ss.cli.verbs as verbs
-from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, warn
+from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, show, warn
 from radiation_ss.cli.scenario import USUAL_DECAY, USUAL_SEA
 from radiation_ss.records.record import KINDS
 
@@ -56,7 +55,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.showwarning = warn  # type: ignore[assignment]
         try:
             args.action(args)
-            sys.stdout.flush()  # else what a closed pipe says comes after the program's end
             watch.over = True
         except BaseException as error:  # the program's end: each becomes a line and a status, or goes on from failed()
             watch.over = True
@@ -96,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
     add_diagnosis_verbs(verb)
     add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
                    "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
-    completion = verb("completion", lambda args: print(script(top, args.shell), end=""),
+    completion = verb("completion", lambda args: show(script(top, args.shell)),
                       "a script that completes words in the shell",
                       'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, zsh: ~/.zshrc.')
     completion.add_argument("shell", choices=("bash", "zsh"))
@@ -170,7 +168,7 @@ def add_record_verbs(verb: Maker) -> None:
     model_argument(identify)
     record_options(identify)
     identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
-    identify.add_argument("--method", default="spectral", metavar="M",
+    identify.add_argument("--method", metavar="M",
                           help="spectral (default), dual-enkf, joint, prediction-error, points, or paper")
     identify.add_argument("--preset", choices=("paper",), help="the dual filter as printed; same as --method paper")
     for option, what in (("--q-theta", "parameters"), ("--q-state", "state"), ("--q-force", "force"),

@@ -64,7 +64,19 @@ def warn(message: Warning | str, *_: object) -> None:
 
 def say(args: argparse.Namespace, result: Any, text: str) -> None:
     """Print the result: JSON where it was asked for, else text."""
-    print(json.dumps(result, indent=1, default=float) if args.json else text)
+    show(json.dumps(result, indent=1, default=float) if args.json else text)
+
+
+def show(text: str) -> None:
+    """Print a text at once: what a full or closed standard output says must not come after the program's end."""
+    if sys.stdout is None:
+        LOG.warning("standard output is closed; the result is not printed")
+        return
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        error.filename = "standard output"
+        raise
 
 
 def check_file(path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
@@ -140,7 +152,7 @@ def failed(error: BaseException, interrupted: bool) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 0
     elif isinstance(error, OSError) and error.strerror:
-        text = f"{str(error.filename or '')[:300]}: {error.strerror}"
+        text = f"{str(error.filename)[:300]}: {error.strerror}" if error.filename else error.strerror
     elif not isinstance(error, (RadiationError, OSError)):
         at = traceback.extract_tb(error.__traceback__)[-1]
         text = (f"internal error: {type(error).__name__}: {error} ({Path(at.filename).name}, line {at.lineno}); "

@@ -46,7 +46,7 @@ def demo(args: argparse.Namespace) -> None:
 
 def check(args: argparse.Namespace) -> None:
     """Report on the quality of hydrodynamic data."""
-    check_file(args.out)
+    check_file(args.out, (".png", ".svg", ".pdf"))
     report = read_hydro_argument(args).check()
     if args.out is not None:
         with written_whole(args.out) as beside:
@@ -106,6 +106,11 @@ def simulate(args: argparse.Namespace) -> None:
     check_file(args.out, (".csv", ".csv.gz", ".parquet"))
     if sum(given is not None for given in (args.record, args.sea, args.decay)) != 1:
         raise InputError("simulate: give a RECORD, --sea HS TP or --decay DOF=X, one of them")
+    if args.heading is not None and args.sea is None:
+        raise InputError("simulate: --heading is for --sea; a record says where its waves run to by a comment, "
+                         "# heading: 90")
+    if args.duration is not None and args.record is not None:
+        raise InputError("simulate: --duration is for --sea and --decay; a prediction is as long as its record")
     if args.record is not None and os.path.realpath(args.out) == os.path.realpath(args.record):
         raise InputError(f"--out {args.out}: the record itself; the prediction needs another name")
     data = rss.read_hydro(args.model)
@@ -121,13 +126,16 @@ def simulate(args: argparse.Namespace) -> None:
 def identify(args: argparse.Namespace) -> None:
     """Estimate coefficients and force from motion."""
     check_folder(args.out)
+    if args.preset is not None and args.method == "spectral":
+        raise InputError(f"identify: --preset {args.preset} is of the dual filter; leave out --method spectral")
+    method = args.method or "spectral"
     data = rss.read_hydro(args.model)
     records = read_records(args, args.records, data)
     body = model_of(args, data, records)
     given = {"preset": args.preset, "Q_theta": args.q_theta, "Q_state": args.q_state, "Q_force": args.q_force,
              "R": args.r}
-    with progress_bar(args, f"identification, {args.method}"):
-        found = rss.identify(body, records, method=args.method, prior=args.prior, points=args.points, seed=args.seed,
+    with progress_bar(args, f"identification, {method}"):
+        found = rss.identify(body, records, method=method, prior=args.prior, points=args.points, seed=args.seed,
                              **{name: value for name, value in given.items() if value is not None})
     found.save(args.out)
     written = args.out / "identify.json"
