@@ -2,6 +2,7 @@
 
 import gc
 import json
+import re
 import sys
 import zipfile
 import zlib
@@ -60,7 +61,8 @@ def decoded(path: str | Path, what: str, decode: Callable[[], T]) -> T:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, KeyError):
-        return f"field {str(error)[:200]} is missing"
+        within = re.search(r"object ('.*') doesn't exist", str(error))  # h5py's words
+        return f"field {within[1] if within else str(error)[:200]} is missing"
     if isinstance(error, RecursionError):
         return "nested too deeply"
     return next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
@@ -71,7 +73,7 @@ def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T],
     refused.
     """
     def whole() -> T:
-        content = json.loads(Path(path).read_bytes().decode(), object_pairs_hook=_once)
+        content = json.loads(Path(path).read_bytes().decode("utf-8-sig"), object_pairs_hook=_once)
         if not isinstance(content, dict):
             raise InputError(f"{path}: one JSON object {{...}} is needed")
         if schema is not None and content.get("schema") != schema:

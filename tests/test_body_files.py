@@ -4,6 +4,7 @@ import os
 import re
 import warnings
 
+import control as ct
 import numpy as np
 import pytest
 from plant_bodies import coupled_model, tank_model
@@ -140,3 +141,21 @@ def test_a_model_s_own_radiation_is_not_doubted_when_it_is_read_again(tmp_path):
     model = rss.Model.from_hydro(section.replace(M=[[16.0]]), order=3)
     model.replace(fit=model.fit.replace(c=3.0 * model.fit.c)).write(tmp_path / "m.nc")
     assert rss.read_model(tmp_path / "m.nc").dofs == ("Heave",)
+
+
+def test_a_model_saved_again_without_its_group_is_told_in_our_words(tmp_path):
+    tank_model().write(tmp_path / "m.nc")
+    with xr.open_dataset(tmp_path / "m.nc", engine="h5netcdf") as dataset:
+        dataset.load().to_netcdf(tmp_path / "again.nc", engine="h5netcdf")
+    with pytest.raises(rss.InputError, match=r"write the model again .field 'radiation_ss' is missing"):
+        rss.read_model(tmp_path / "again.nc")
+
+
+def test_a_system_without_damping_of_its_own_has_none():
+    plant = rss.cummins(coupled_model())
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal(plant.A.shape))[0]  # in other coordinates
+    other = ct.ss(turn @ plant.A @ turn.T, turn @ plant.B, plant.C @ turn.T, plant.D, inputs=plant.input_labels,
+                  outputs=plant.output_labels)
+    assert not rss.body(other).D.any() and " D " not in str(rss.body(other))
+    damped = rss.cummins(coupled_model().attached(damping=[[1e-3, 0.0], [0.0, 0.0]]))
+    assert rss.body(damped).D[0, 0] == pytest.approx(1e-3, rel=0.1)

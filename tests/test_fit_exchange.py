@@ -355,3 +355,12 @@ def test_the_density_goes_along_from_file_to_file(fit, tmp_path):
     again = read_fit(tmp_path / "fit.h5")
     assert again.density == 1025.0
     np.testing.assert_allclose(again.frequency_response(OMEGA), fit.frequency_response(OMEGA), rtol=1e-6, atol=1e-9)
+
+
+def test_a_name_twice_is_refused_and_a_byte_order_mark_is_none_of_the_content(tmp_path):
+    with pytest.raises(rss.InputError, match=r"\['Heave', 'Heave'\] hold a name twice"):
+        rss.RadiationFit(("Heave", "Heave"), -np.eye(2), np.eye(2), np.eye(2), 1)
+    fit = rss.RadiationFit(("Heave",), [[-1.0]], [[1.0]], [[2.0]], 1)
+    path = fit.write(tmp_path / "fit.json")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert np.array_equal(rss.read_fit(path).c, fit.c)

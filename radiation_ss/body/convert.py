@@ -263,6 +263,8 @@ def in_cummins_coordinates(system: ct.StateSpace) -> tuple[Model, Matrices, Floa
     accelerations = v @ F @ T
     inertia = read_only(np.linalg.inv(v @ G), "inertia", (n, n))
     c, C, D = (-inertia @ part for part in np.split(accelerations, [m, m + n], axis=1))
+    size = np.sqrt(np.abs(np.diag(inertia)))       # beside what the fastest motion feels, D may be rounding
+    D[np.abs(D) < 1e-12 * np.abs(np.linalg.eigvals(F)).max() * np.outer(size, size)] = 0.0
     fit = RadiationFit(dofs, a, b + shift, c, m, method="state space")
     model = Model(dofs, M=inertia, A_inf=np.zeros((n, n)), C=C - c @ shift, fit=fit, D=D,
                   name="body" if name.startswith("sys[") else name)

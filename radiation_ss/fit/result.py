@@ -94,6 +94,8 @@ class RadiationFit(Shown):
 
     def __post_init__(self) -> None:
         n, states = len(self.dofs), np.shape(self.a)[0]
+        if len(set(self.dofs)) != n:
+            raise InputError(f"fit: its degrees of freedom {list(self.dofs)} hold a name twice")
         for name, shape in (("a", (states, states)), ("b", (states, n)), ("c", (n, states))):
             object.__setattr__(self, name, read_only(getattr(self, name), name, shape))
         for name in ("A_inf", "entry_error"):
