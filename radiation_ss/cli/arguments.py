@@ -164,7 +164,7 @@ def add_record_verbs(verb: Maker) -> None:
     simulate.add_argument("--out", type=Path, required=True, metavar="PRED.csv")
 
     identify = verb("identify", verbs.identify, "added mass, damping and wave force from motion, with bands",
-                    "Writes identify.json, one force CSV for each record, and pictures.", MODEL, RECORD)
+                    "Writes identify.json, a CSV of each force that is estimated, and pictures.", MODEL, RECORD)
     model_argument(identify)
     record_options(identify)
     identify.add_argument("records", type=Path, nargs="+", metavar="RECORD")
