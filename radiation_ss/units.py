@@ -73,6 +73,6 @@ def check_water(name: str, value: float, field: str, *, rho_apart: float = 2.0, 
         return
     usual, apart, si, units = known[field]
     if not usual / apart < value < usual * apart:
-        like = next((f"; it looks like {unit}, so masses and forces are not in kg and N either"
+        like = next((f"; it looks like {unit}, and the rest in such units too, where SI is read"
                      for unit, one in units.items() if abs(value * one / usual - 1.0) < 0.1), "")
         raise InputError(f"{name}: {value:g} {si} found, some {usual:g} needed{like}")

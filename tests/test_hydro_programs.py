@@ -607,7 +607,7 @@ def test_a_hydrostar_file_in_tonnes_is_refused(tmp_path):
 
 @pytest.mark.parametrize("write", [samples.aqwa, samples.aqwa_lis])
 @pytest.mark.parametrize("changes, words", [
-    ({"rho": 1.025}, r"rho: 1.025 kg/m\^3 found, some 1000 needed; it looks like t/m\^3, so masses"),
+    ({"rho": 1.025}, r"rho: 1.025 kg/m\^3 found, some 1000 needed; it looks like t/m\^3, and the rest"),
     ({"rho": 1.9905}, r"looks like slug/ft\^3"), ({"g": 32.174}, r"g: 32.174 m/s\^2 found.*looks like ft/s\^2")])
 def test_files_in_other_units_than_si_are_told_by_density_and_gravity(tmp_path, write, changes, words):
     with pytest.raises(rss.InputError, match=words):
