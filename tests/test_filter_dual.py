@@ -261,6 +261,25 @@ def test_scales_find_the_noise_and_the_force():
     np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.15)
 
 
+@pytest.mark.parametrize("order", [0, 2])
+def test_the_scale_of_the_force_does_not_come_from_the_ends_of_the_record(order):
+    """Of a swell in steps of no whole period, by the impedance of each of its waves."""
+    rng, time = np.random.default_rng(0), np.arange(0.0, 30.0, 0.02)
+    omega = 6.0 + 2.4 * rng.random(40)
+    waves = rng.standard_normal((40, 2)) @ [1.0, 1.0j]
+    model = tank()
+    K = model.fit.frequency_response(omega)[:, 0, 0]
+    impedance = -omega**2 * (model.M + model.A_inf)[0, 0] + 1j * omega * K + model.C[0, 0]
+    motion = waves / impedance * (1j * omega) ** order
+    force, moved = ((np.exp(1j * np.outer(time, omega)) @ part).real for part in (waves, motion))
+    name = ("Heave", "Heave_velocity", "Heave_acceleration")[order]
+    record = Record(time, {name: moved + 0.01 * moved.std() * rng.standard_normal(time.size)})
+    scales = scales_of(record, model, subsystems_of(model.fit))
+    power = np.abs(waves) ** 2
+    np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.1)
+    np.testing.assert_allclose(scales.omega[0], power @ omega / power.sum(), rtol=0.05)
+
+
 def test_bad_input_is_one_clear_sentence():
     record, _ = sea_record(11, duration=2.0)
     with pytest.raises(rss.InputError, match="at least 4 members"):
