@@ -13,8 +13,10 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit
+from radiation_ss.inference.scales import channel_names
 from radiation_ss.inference.subsystems import Subsystems
 from radiation_ss.methods import Shown
+from radiation_ss.records.columns import channel_unit
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -161,6 +163,19 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     plain = Z95 * drawn.std(axis=1, ddof=1)
     edges = np.where(one_sign, [mean / reach, mean * reach], [mean - plain, mean + plain])
     return edges.min(axis=0), edges.max(axis=0)
+
+
+def contradiction(far: FloatArray, dofs: tuple[str, ...], larger: float, most: float = 0.5) -> Iterator[str]:
+    """Yield which channels contradict the prediction; far (4 n,): share of their recent samples that are far off.
+
+    A sample is far off beyond `larger` times the 95 % limit of its innovation: by the chi-square law one in twenty
+    honest ones is, in a sea that many times as high as that of `prepare`; `most` of them are only if they are wrong.
+    """
+    if far.max() > most:
+        names = [f"{name} [{channel_unit(name)}]" for name, share in zip(channel_names(dofs), far) if share > most]
+        yield (f"live samples of {', '.join(names)}: most of the last periods are more than {larger:g} times as far "
+               "from the prediction as noise and sea of the record given to prepare allow; check that units and signs "
+               "are those of that record, and that the body is the same; in a sea so much higher call prepare again")
 
 
 def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) -> tuple[float, tuple[str, ...]]:
