@@ -72,18 +72,30 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     if stiffness is not None:
         pick = np.array(modes) - 1
         if pick.max() < len(stiffness):
+            left = [m + 1 for m in range(len(stiffness)) if m not in pick and stiffness[m].any()]
+            notes += _left_out(path, "stiffness", left, names)
             fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
         elif names[-1] in RIGID or len(stiffness) != 6:
             raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
         else:
             notes.append(f"{path}: stiffness of modes 1 to 6 only; C is left out (the .hst of the run has all of it)")
     if forces is not None:
+        notes += _left_out(path, "exciting forces", forces.beyond, names)
         X = rho * g * L ** (2.0 + turn) * forces.X
         fields["X"] = _at_rows(path, omega, wamit_out.to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
     rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     return assemble(path, omega, A, B, dofs, points=points, notes=[*notes, *header.notes], **stated, **fields)
+
+
+def _left_out(path: Path, what: str, modes: list[int], names: tuple[str, ...]) -> list[str]:
+    """Return and log the note on modes that a part of the run has and its added mass has not."""
+    each = ", ".join(f"{m} ({names[m - 1]})" if m <= len(names) else str(m) for m in modes)
+    notes = [f"{path}: {what} of mode {each} left out: the run has no added mass of it"] * bool(modes)
+    for note in notes:
+        log.warning(note)
+    return notes
 
 
 def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) -> tuple[tuple[str, ...], list[str]]:

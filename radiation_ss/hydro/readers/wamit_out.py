@@ -177,11 +177,12 @@ class Radiation(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Rows of a .3 file: period column, headings [deg], X [period, heading, mode]."""
+    """Rows of a .3 file: period column, headings [deg], X [period, heading, mode], other modes it has forces of."""
 
     period: FloatArray
     heading: FloatArray
     X: ComplexArray
+    beyond: list[int]
 
 
 def usual_modes(path: Path | str, table: Mapping[str, Entries], what: str) -> frozenset[tuple[int, ...]]:
@@ -215,10 +216,11 @@ def force_array(path: Path, table: Table, modes: list[int]) -> Forces:
     """Return X [period, heading, mode] of the entries; every period needs the same headings and modes."""
     periods, headings = (list(dict.fromkeys(key[k] for key in table)) for k in (0, 1))
     every = {(per, h): table.get((per, h), {}) for per in periods for h in headings}
-    usual_modes(path, {f"first column {per:g}, heading {h:g}": entries for (per, h), entries in every.items()},
-                "exciting force")
+    usual = usual_modes(path, {f"first column {per:g}, heading {h:g}": entries for (per, h), entries in every.items()},
+                        "exciting force")
     X = np.array([[entries.get((m,), 0.0) for m in modes] for entries in every.values()], dtype=complex)
-    return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)))
+    beyond = sorted(m for (m,) in usual if m not in modes)
+    return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)), beyond)
 
 
 READINGS = ("period", "omega", "wavenumber", "deep_wavenumber", "wavelength")
