@@ -44,7 +44,7 @@ from radiation_ss.inference.candidates import Candidate, Key, from_regression
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
-from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.headings import computed
 
 
@@ -67,7 +67,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                   for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
                                                                       off_best(found, pair.candidate, len(own)))))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
-                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
+                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()}, numbers_of(model))
     return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
                      where(problem, [e.name for e in answer.effects]),
                      how, corrected, moved, predictions, model.dofs, rules)
