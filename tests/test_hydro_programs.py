@@ -573,3 +573,16 @@ def test_modes_of_a_wamit_run_without_added_mass_are_noted(tmp_path):
     hst.write_text(hst.read_text().replace(" 6 6 0.0000000000e+00", " 6 6 2.0"))
     found = rss.read_hydro(path, rho=data.rho, g=data.g, depth=data.depth, length=2.0)
     assert any("stiffness of mode 6 (Yaw) left out" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("lead", "share", "said"), [
+    (1j, 1.0, None), (-1j, 1.0, "lags"), (1j, 0.4, "no waves long enough to tell"),
+    (-1j, 0.4, "no waves long enough to tell"), (1.0, 1.0, "no waves long enough to tell")])
+def test_a_hams_run_whose_time_factor_the_band_does_not_tell_says_so(tmp_path, lead, share, said):
+    """Heave's force is `share` of its stiffness and surge's leads by a quarter period where waves are long."""
+    data = samples.body_data(nw=3)
+    C, X = np.zeros((6, 6)), np.zeros_like(data.X)
+    C[2, 2], X[:, :, 2], X[:, :, 0] = 1e4, share * 1e4, lead * 1e3 * data.omega[:, None] ** 2
+    notes = rss.read_hydro(samples.hams(data.replace(C=C, X=X), tmp_path)).notes
+    told = [note for note in notes if "lags" in note or "no waves long enough" in note]
+    assert len(told) == (said is not None) and all(said in note for note in told)

@@ -13,6 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, mode
+from radiation_ss.hydro.measures import horizontal_lead, is_led, is_reversed
 from radiation_ss.hydro.readers import text, wamit_out
 from radiation_ss.hydro.readers.assemble import assemble, bodies, constant, constants, log, six_dofs
 from radiation_ss.hydro.readers.wamit_out import MOST_MODES, Entries, Forces, Header, Radiation, Table, add
@@ -223,6 +224,11 @@ def read_hams(path: Path, **given: float) -> HydroData:
     beside = sorted(file for file in found[0].parent.iterdir() if file.suffix in (".3", ".hst"))
     notes += [f"{root}: {file.name} is not read: {file.with_name(found[0].stem + file.suffix).name} would be"
               for file in beside if file.stem != found[0].stem]
+    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
+    if data.X is not None and (lead is None or not (is_led(lead) or is_reversed(lead))):
+        notes.append(f"{root}: no waves long enough to tell by X whether it is of e^(+iwt), as it is taken; HAMS of "
+                     "December 2021 to March 2023 wrote e^(-iwt): of such a run take data.replace(X=data.X.conj())")
+        log.warning(notes[-1])
     return data.replace(reference_point=point, source=str(root), notes=tuple(notes), **_matrices(root, data))
 
 
