@@ -20,7 +20,7 @@ from benchmarks.filter_by_numpy import (
     transition,
     usable,
 )
-from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
+from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank, with_force
 from radiation_ss import Record
 from radiation_ss.filter import (
     SampleBlock,
@@ -278,6 +278,25 @@ def test_the_scale_of_the_force_does_not_come_from_the_ends_of_the_record(order)
     power = np.abs(waves) ** 2
     np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.1)
     np.testing.assert_allclose(scales.omega[0], power @ omega / power.sum(), rtol=0.05)
+
+
+def test_bands_taught_by_a_known_force_say_what_they_take_as_exact():
+    """A mass 3 % off goes into A and out of its band, the true one by the tank's K; with the right mass it stays."""
+    record, force = sea_record(3, duration=20.0)
+    record, K = with_force(record, force, 3), tank().fit.frequency_response(BAND)
+    cover = {}
+    for factor in (1.0, 1.03):
+        model = start(3).replace(M=factor * start(3).M)
+        found = rss.DualEnKF(model, seed=3, omega=BAND).run(record)
+        A = tank().A_inf + K.imag / BAND[:, None, None]
+        cover[factor] = np.mean((found.A.lower <= A) & (A <= found.A.upper))
+        half = np.median(0.5 * (found.A.upper - found.A.lower)) / (model.M + model.A_inf)[0, 0]
+        told = [text for text in found.warnings if "taken as exact" in text]
+        assert len(told) == 1 and f"A in Heave is +-{100 * half:.2g} % of its inertia" in told[0]
+        assert any("taken as exact" in text for text in rss.identify(model, record, "dual-enkf", omega=BAND).warnings)
+    assert cover[1.0] > 0.8 and cover[1.03] < 0.5
+    unknown = rss.DualEnKF(start(3), seed=3, omega=BAND).run(sea_record(3, duration=5.0)[0])
+    assert not any("taken as exact" in text for text in unknown.warnings)
 
 
 def test_bad_input_is_one_clear_sentence():

@@ -300,8 +300,10 @@ class DualEnKF:
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
+        taught = isinstance(engine, DefaultEngine) and engine.information.any()
         said = (*doubts(self.model, record), *estimate.warnings_of(
-            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset))
+            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset),
+            *(estimate.taken_as_exact(self.model, A) if taught else ()))
         return Estimate(self.model.dofs, record.time, force, table, members, out.nis, out.taken.sum(axis=1), counts,
                         said, self.model, parts.names, out.theta.T, out.theta_std.T, parts, self.omega, K, A, B,
                         prior_model)

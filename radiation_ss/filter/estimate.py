@@ -194,6 +194,21 @@ def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) ->
         "it, and what the plant lacks may have gone into the parameters: run diagnose",)
 
 
+def taken_as_exact(model: Model, A: Band, usual: float = 0.02) -> Iterator[str]:
+    """Yield what the bands of parameters that a known force taught do not hold.
+
+    A mass that is off by its tolerance (`usual` where the model states none) is a change of A by as much: told where
+    that is more than the half band of A, the median over frequency.
+    """
+    inertia = np.diag(model.M + model.A_inf)
+    half = np.median(0.5 * np.einsum("wii->wi", A.upper - A.lower), axis=0) / inertia
+    if half.min() < model.tolerance.get("mass", usual):
+        dof = model.dofs[int(half.argmin())]
+        yield ("mass, A_inf, stiffness and the radiation's order are taken as exact, and the body as linear: the band "
+               f"of A in {dof} is +-{100.0 * half.min():.2g} % of its inertia, so a mass that is off by more, or drag, "
+               "puts A and B outside their bands; identify with method 'prediction-error' has these numbers free")
+
+
 def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],
                 points: bool, preset: str | None) -> Iterator[str]:
     """Yield what a reader of the estimate has to know."""
