@@ -93,9 +93,10 @@ def usable(system, state, y, rules):
     state.last[:] = np.where(np.isfinite(y), y, state.last)
     working = (state.same < rules.stuck) | (np.arange(y.size) >= 3 * y.size // 4)
     variance = np.einsum("ci,ij,cj->c", H, state.P, H) + (H @ state.z[:, :state.members]).var(axis=1, ddof=1)
-    far = np.abs(y - H @ state.z[:, state.members]) > rules.gate * np.sqrt(variance + system.r)
+    off = np.abs(y - H @ state.z[:, state.members]) / np.sqrt(variance + system.r)
     there = np.isfinite(y) & working
-    refused = there & far & (state.streak < rules.patience)
+    state.far[there] += ((off > rules.far) - state.far)[there] / rules.recent
+    refused = there & (off > rules.gate) & (state.streak < rules.patience)
     state.streak[:] = np.where(refused, state.streak + 1, np.where(there, 0, state.streak))
     return there & ~refused
 

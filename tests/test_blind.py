@@ -32,6 +32,7 @@ from radiation_ss.blind import (
     sensed,
     wandering,
 )
+from radiation_ss.cli import main
 from radiation_ss.errors import InputError, SolverError
 
 NOTHING = np.array([0]), np.array([0]), np.zeros((1, 5))
@@ -319,10 +320,15 @@ def test_probabilities_that_promise_too_much_are_scored_so():
     assert rows(some)["calibration error of the probability"].measured == pytest.approx(0.45, abs=0.01)
 
 
-def test_a_small_run_from_seal_to_table(tmp_path):
+def test_a_small_run_from_seal_to_table(tmp_path, capfd):
     """The whole way: sealed, diagnosed by a process of its own, opened, scored."""
     folder = tmp_path / "run"
     run(folder, 2, 5, kinds=("decays",), groups=("none", "single"), bodies=("heave",))
+    assert "2 cases, 2 of them to be diagnosed\n" in capfd.readouterr().out
+    run(folder, 5)
+    assert "2 cases, 0 of them to be diagnosed, not the 5 asked for" in capfd.readouterr().out
+    assert main(["blind", "run", str(folder)]) == 0
+    assert "2 cases, 0 of them to be diagnosed\n" in capfd.readouterr().out
     done = {case.label["group"]: case for case in blind.read_run(folder)}
     assert done["none"].status == "no_gap"
     assert done["single"].status in ("effect", "ambiguous", "no_gap")

@@ -140,6 +140,9 @@ def test_a_withheld_record_is_predicted_and_the_report_says_so(two, tmp_path):
     assert "nats" not in page and "Budget of the gap" in page
     corrected = json.loads((tmp_path / "corrected.json").read_text())
     assert {row["name"] for row in corrected["effects"]} >= names(found)
+    assert corrected["body"] == {"Heave": pytest.approx([(model.M + model.A_inf)[0, 0], model.C[0, 0]])}
+    with pytest.raises(rss.InputError, match="stiffness C of Heave"):
+        found.corrected.model(model.replace(C=2.0 * model.C))
 
 
 # A force that nothing holds, and ones that the nominal numbers imitate within what is learned of their tolerances.

@@ -20,7 +20,7 @@ from benchmarks.filter_by_numpy import (
     transition,
     usable,
 )
-from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank
+from benchmarks.heave_tank import BAND, POINTS, TRUTH, error, known, sea_record, start, tank, with_force
 from radiation_ss import Record
 from radiation_ss.filter import (
     SampleBlock,
@@ -259,6 +259,44 @@ def test_scales_find_the_noise_and_the_force():
     std = [record.channels[k].std() for k in ("Heave", "Heave_velocity", "Heave_acceleration")]
     np.testing.assert_allclose(scales.noise[:3, 0], 0.01 * np.array(std), rtol=0.1)
     np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.15)
+
+
+@pytest.mark.parametrize("order", [0, 2])
+def test_the_scale_of_the_force_does_not_come_from_the_ends_of_the_record(order):
+    """Of a swell in steps of no whole period, by the impedance of each of its waves."""
+    rng, time = np.random.default_rng(0), np.arange(0.0, 30.0, 0.02)
+    omega = 6.0 + 2.4 * rng.random(40)
+    waves = rng.standard_normal((40, 2)) @ [1.0, 1.0j]
+    model = tank()
+    K = model.fit.frequency_response(omega)[:, 0, 0]
+    impedance = -omega**2 * (model.M + model.A_inf)[0, 0] + 1j * omega * K + model.C[0, 0]
+    motion = waves / impedance * (1j * omega) ** order
+    force, moved = ((np.exp(1j * np.outer(time, omega)) @ part).real for part in (waves, motion))
+    name = ("Heave", "Heave_velocity", "Heave_acceleration")[order]
+    record = Record(time, {name: moved + 0.01 * moved.std() * rng.standard_normal(time.size)})
+    scales = scales_of(record, model, subsystems_of(model.fit))
+    power = np.abs(waves) ** 2
+    np.testing.assert_allclose(scales.force[0], force.std(), rtol=0.1)
+    np.testing.assert_allclose(scales.omega[0], power @ omega / power.sum(), rtol=0.05)
+
+
+def test_bands_taught_by_a_known_force_say_what_they_take_as_exact():
+    """A mass 3 % off goes into A and out of its band, the true one by the tank's K; with the right mass it stays."""
+    record, force = sea_record(3, duration=20.0)
+    record, K = with_force(record, force, 3), tank().fit.frequency_response(BAND)
+    cover = {}
+    for factor in (1.0, 1.03):
+        model = start(3).replace(M=factor * start(3).M)
+        found = rss.DualEnKF(model, seed=3, omega=BAND).run(record)
+        A = tank().A_inf + K.imag / BAND[:, None, None]
+        cover[factor] = np.mean((found.A.lower <= A) & (A <= found.A.upper))
+        half = np.median(0.5 * (found.A.upper - found.A.lower)) / (model.M + model.A_inf)[0, 0]
+        told = [text for text in found.warnings if "taken as exact" in text]
+        assert len(told) == 1 and f"A in Heave is +-{100 * half:.2g} % of its inertia" in told[0]
+        assert any("taken as exact" in text for text in rss.identify(model, record, "dual-enkf", omega=BAND).warnings)
+    assert cover[1.0] > 0.8 and cover[1.03] < 0.5
+    unknown = rss.DualEnKF(start(3), seed=3, omega=BAND).run(sea_record(3, duration=5.0)[0])
+    assert not any("taken as exact" in text for text in unknown.warnings)
 
 
 def test_bad_input_is_one_clear_sentence():

@@ -2,6 +2,7 @@
 
 import gc
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -44,6 +45,48 @@ def test_an_option_that_there_is_not_is_named():
             rss.DualEnKF(tank(), noise={"Heave": level})
     with pytest.raises(rss.InputError, match="Q_theta: an option of the paper's filter"):
         rss.DualEnKF(tank(), Q_theta=1e-6)
+
+
+def sailed(seed, size=1.0, period=0.9, duration=20.0):
+    """Return displacement and acceleration of the tank in a sea of 60 waves, by the impedance of each of them."""
+    rng, time, model = np.random.default_rng(seed), np.arange(0.0, duration, 0.02), tank()
+    omega = 2.0 * np.pi / period * (0.7 + rng.random(60))
+    K = model.fit.frequency_response(omega)[:, 0, 0]
+    motion = (rng.standard_normal((60, 2)) @ [1.0, 1.0j] * np.exp(-0.5 * (omega * period / 6.3 - 1.0) ** 2 / 0.04)
+              / (-omega**2 * (model.M + model.A_inf)[0, 0] + 1j * omega * K + model.C[0, 0]))
+    x, a = ((np.exp(1j * np.outer(time, omega)) @ part).real for part in (motion, -omega**2 * motion))
+    return rss.Record(time, {name: size * (row + 0.01 * row.std() / size * rng.standard_normal(time.size))
+                             for name, row in (("Heave", x), ("Heave_acceleration", a))})
+
+
+def told_live(first, record, factors, **options):
+    """Return what a filter prepared on one record warns of when another one's samples come live, times factors."""
+    live = rss.DualEnKF(tank(), seed=0, **options).prepare(first)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        for sample in samples_of(record):
+            live.step({name: value * factors.get(name, 1.0) for name, value in sample.items()})
+    return [str(w.message) for w in said if w.category is RuntimeWarning]
+
+
+@pytest.mark.parametrize("factors", [{"Heave": 1000.0}, {"Heave": -1.0}, {"Heave": 0.01}, {"Heave_acceleration": -1.0},
+                                     {"Heave_acceleration": 1 / 9.81}, {"Heave": 1e3, "Heave_acceleration": 1e3}])
+def test_live_samples_in_another_unit_or_sign_are_told_once(factors):
+    said = told_live(sailed(1), sailed(2), factors)
+    assert len(said) == 1 and "check that units and signs" in said[0]
+    assert "Heave [m]" in said[0] or "Heave_acceleration [m/s^2]" in said[0]
+
+
+@pytest.mark.parametrize("name", ["Heave", "Heave_acceleration"])
+def test_one_channel_alone_in_another_unit_is_told(name):
+    first, record = (rss.Record(r.time, {name: r.channels[name]}) for r in (sailed(1), sailed(2)))
+    assert len(told_live(first, record, {name: 1000.0})) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("size", "period"), [(1.0, 0.9), (3.0, 0.9), (3.0, 1.4), (0.1, 0.9), (2.0, 0.6)])
+def test_honest_live_samples_of_another_sea_are_not_told_of(seed, size, period):
+    assert not told_live(sailed(seed), sailed(10 + seed, size, period), {})
 
 
 @pytest.mark.parametrize("origin", [1024.0, 1.7e9, -3.3])

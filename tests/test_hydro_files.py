@@ -218,6 +218,22 @@ def test_frequencies_without_result_are_left_out_and_named(tmp_path, caplog):
     assert "no radiation result" in caplog.text and any("left out" in note for note in got.notes)
 
 
+@pytest.mark.parametrize("limit", [0.0, np.inf])
+def test_a_limit_without_result_is_named(tmp_path, limit):
+    ds = capytaine_like(made_up())
+    ds = ds.assign_coords(omega=[*ds.omega.values[:-1], limit])
+    ds["added_mass"][-1] = np.nan
+    separated(ds).to_netcdf(tmp_path / "x.nc")
+    got = rss.read_hydro(tmp_path / "x.nc")
+    assert got.A_zero is None and got.A_inf is None
+    assert any(f"no added mass (NaN) at {limit:g} rad/s" in note for note in got.notes)
+    ds["added_mass"][-1] = 1.0
+    ds["added_mass"][-1, 0, 0] = np.nan
+    separated(ds).to_netcdf(tmp_path / "y.nc")
+    with pytest.raises(rss.InputError, match="is not finite"):
+        rss.read_hydro(tmp_path / "y.nc")
+
+
 def drop(name):
     return lambda ds: ds.drop_vars(name)
 

@@ -635,3 +635,32 @@ def test_forces_of_a_hams_run_under_another_name_are_noted(tmp_path):
     force.rename(output / "ExcForce.3")
     data = rss.read_hydro(folder)
     assert data.X is None and any("ExcForce.3 is not read" in note for note in data.notes)
+
+
+def test_modes_of_a_wamit_run_without_added_mass_are_noted(tmp_path):
+    """Added mass of five modes, forces and stiffness of six."""
+    data = samples.body_data()
+    path = samples.wamit(data, tmp_path)
+    rows = [line for line in path.read_text().splitlines() if "6" not in line.split()[1:3]]
+    path.write_text("\n".join(rows) + "\n")
+    found = rss.read_hydro(path, rho=data.rho, g=data.g, depth=data.depth, length=2.0)
+    assert found.dofs == data.dofs[:5] and np.allclose(found.X, data.X[:, :, :5])
+    assert any("body.1: exciting forces of mode 6 (Yaw) left out: the run has no added mass" in n for n in found.notes)
+    hst = tmp_path / "body.hst"
+    assert not any("stiffness of mode" in note for note in found.notes)
+    hst.write_text(hst.read_text().replace(" 6 6 0.0000000000e+00", " 6 6 2.0"))
+    found = rss.read_hydro(path, rho=data.rho, g=data.g, depth=data.depth, length=2.0)
+    assert any("stiffness of mode 6 (Yaw) left out" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("lead", "share", "said"), [
+    (1j, 1.0, None), (-1j, 1.0, "lags"), (1j, 0.4, "no waves long enough to tell"),
+    (-1j, 0.4, "no waves long enough to tell"), (1.0, 1.0, "no waves long enough to tell")])
+def test_a_hams_run_whose_time_factor_the_band_does_not_tell_says_so(tmp_path, lead, share, said):
+    """Heave's force is `share` of its stiffness and surge's leads by a quarter period where waves are long."""
+    data = samples.body_data(nw=3)
+    C, X = np.zeros((6, 6)), np.zeros_like(data.X)
+    C[2, 2], X[:, :, 2], X[:, :, 0] = 1e4, share * 1e4, lead * 1e3 * data.omega[:, None] ** 2
+    notes = rss.read_hydro(samples.hams(data.replace(C=C, X=X), tmp_path)).notes
+    told = [note for note in notes if "lags" in note or "no waves long enough" in note]
+    assert len(told) == (said is not None) and all(said in note for note in told)

@@ -124,6 +124,22 @@ def test_a_file_comes_back_as_it_was(tmp_path):
     assert again.to_dict() == found.to_dict()
 
 
+@pytest.mark.parametrize(("other", "word"), [
+    (lambda m: m.replace(M=1.2 * m.M), "inertia M [+] A_inf of Heave was"),
+    (lambda m: m.replace(C=1.05 * m.C), "stiffness C of Heave was"),
+    (lambda m: m.replace(dofs=("Pitch",), fit=m.fit.replace(dofs=("Pitch",))), "is of Heave, the model given has Pi")])
+def test_the_file_of_another_body_is_refused(tmp_path, other, word):
+    model, path = tank_model(), tmp_path / "corrected.json"
+    found = corrected([("quadratic_drag", {"coefficient": 60.0})], motion={"Heave": (0.02, 7.0)},
+                      body={"Heave": (float(model.M[0, 0] + model.A_inf[0, 0]), float(model.C[0, 0]))})
+    found.write(path)
+    assert read_corrected(path, model).to_dict() == found.to_dict()
+    for use in (lambda body: read_corrected(path, body), found.model, found.to_ss, found.to_nlsys):
+        use(model)
+        with pytest.raises(InputError, match=word):
+            use(other(model))
+
+
 def test_a_file_of_a_model_with_another_fit_is_told_so(tmp_path):
     corrected(nominal={("nominal_kernel_shape_6", "Heave"): 0.03}).write(tmp_path / "corrected.json")
     with pytest.raises(InputError, match=r"'nominal_kernel_shape_6'.*with the same fit of its radiation"):

@@ -20,7 +20,7 @@ from radiation_ss.blind.causes import ALL, CAUSES, Hidden, candidates
 from radiation_ss.blind.experiments import Sensors, happen, plans, write_down
 from radiation_ss.blind.seal import MANIFEST, Sealed, seal_of, sealed_folder, write_seal
 from radiation_ss.blind.strength import TOLERANCE, distance, hide, of_size
-from radiation_ss.blind.worker import carry_out
+from radiation_ss.blind.worker import carry_out, unfinished
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.files import write_hydro
@@ -235,11 +235,12 @@ def start_only(case: Case, start: float = 1.6, edge: float = 3.0) -> Record:
     return replace(record, channels={**record.channels, **hide})
 
 
-def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, executor: Executor | None = None,
+def run(folder: str | Path, cases: int | None = None, seed: int | None = None, *, executor: Executor | None = None,
         **drawn: Any) -> Sealed:
     """Generate sealed cases unless they are there, and diagnose those without an answer in separate processes.
 
-    The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again.
+    The hash of the labels is printed before the diagnosis begins. A run that was stopped goes on when called again,
+    with the cases it was sealed with; how many are left is printed.
     `folder`, `cases`, `seed`, and what cases to draw (kinds, groups, bodies, mix, drift): as `generate` takes them. The
     folder has to be one that the workers of the executor see. `executor`: as for `repeat`; one case after the other if
     absent. Each job starts a process of its own that is locked out of the labels, so threads are enough on one machine.
@@ -248,8 +249,12 @@ def run(folder: str | Path, cases: int = 200, seed: int | None = None, *, execut
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
-        generate(folder, cases, seed, **drawn)
+        generate(folder, seed=seed, **drawn, **({} if cases is None else {"cases": cases}))
     sealed = seal_of(folder)
-    print(sealed, flush=True)
-    carry_out(folder, [f"{i:03d}" for i in range(sealed.cases)], executor)
+    tasks = [f"{i:03d}" for i in range(sealed.cases)]
+    asked = "" if cases in (None, sealed.cases) else (f", not the {cases} asked for: its cases are sealed, and another "
+                                                      "number needs another folder")
+    print(f"{sealed}\n{folder}: {sealed.cases} cases, {len(unfinished(folder.resolve(), tasks))} of them to be "
+          f"diagnosed{asked}", flush=True)
+    carry_out(folder, tasks, executor)
     return sealed

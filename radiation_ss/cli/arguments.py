@@ -217,7 +217,7 @@ def add_blind(to: argparse.ArgumentParser) -> None:
     steps = to.add_subparsers(title="steps", metavar="STEP", required=True)
     run = steps.add_parser("run", help="make sealed cases and diagnose each")
     run.add_argument("folder", type=Path, metavar="DIR")
-    run.add_argument("--cases", type=int, default=20, help="how many cases (default: 20)")
+    run.add_argument("--cases", type=int, help="how many cases (default: 20, or those of a run that was begun)")
     run.add_argument("--mix", default="standard", help="standard, nulls (nothing hidden), or none=.5,single=.5")
     run.add_argument("--seed", type=whole, help="default: fresh from the system, kept under the seal")
     run.add_argument("--workers", type=partial(whole, least=1), default=1, metavar="N",

@@ -175,8 +175,9 @@ def blind(args: argparse.Namespace) -> None:
 
     result: Any
     if args.step == "run":
+        cases = 20 if args.cases is None and not (args.folder / check.MANIFEST).exists() else args.cases
         with ThreadPoolExecutor(args.workers) as executor:
-            result = check.run(args.folder, cases=args.cases, seed=args.seed, mix=args.mix, executor=executor)
+            result = check.run(args.folder, cases=cases, seed=args.seed, mix=args.mix, executor=executor)
     else:
         result = check.score(args.folder)
     say(args, result.to_dict(), str(result))

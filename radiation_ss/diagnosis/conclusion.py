@@ -44,7 +44,7 @@ from radiation_ss.inference.candidates import Candidate, Key, from_regression
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
-from radiation_ss.simulation.corrected import Corrected
+from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.headings import computed
 
 
@@ -67,7 +67,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                   for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
                                                                       off_best(found, pair.candidate, len(own)))))
     corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
-                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
+                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()}, numbers_of(model))
     return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
                      where(problem, [e.name for e in answer.effects]),
                      how, corrected, moved, predictions, model.dofs, rules)
@@ -91,7 +91,6 @@ class Grounds:
     shrinks: bool  # Whether the gap of unseen records shrinks
     grows: bool  # Whether it surely grows
     closes: bool  # Whether little of it is left
-    explained: bool  # Whether less of it is left than matters, of a gap that did
     outside: bool  # Whether another effect is left
     plausible: bool  # Whether each nominal number is as near as it may be beside a name
     moved: bool  # Whether the model's numbers close what matters
@@ -140,7 +139,6 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
         matter=max(closed, default=0.0) >= rules.matters, shrinks=shrinks(ledger, rules), grows=grows,
         closes=left <= rules.unexplained or rest < rules.matters,
-        explained=rest < rules.matters <= ledger.before,
         outside=min(rest, ledger.unexplained) >= rules.matters and (grows or beside.missed)
         and ledger.beyond >= rules.matters,
         plausible=farthest(own, pair) <= rules.plausible,
@@ -171,11 +169,7 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # What is rather not there than there is no answer; where the coefficients say so, they may be the cause. A slow
         # force is as well one that the library has not: wind, a ship, a load that shifts.
         blamed = on.plausible and (sure >= 1.0 - on.contradiction or (sure >= 0.5 and bool(on.slow)))
-        if blamed:
-            return "ambiguous", sure, (told,)
-        # Effects against each other, as the terms of one restoring curve, are doubtful as causes; a gap that they close
-        # is no unknown one.
-        return ("ambiguous", first, on.sets) if on.explained else ("unknown_effect", 1.0 - sure, ())
+        return ("ambiguous", sure, (told,)) if blamed else ("unknown_effect", 1.0 - sure, ())
     if on.doubtful and (not on.outside or (on.shrinks and on.closes)):
         # Effects of one set that do not stand out beside each other stand for each other, each beside those that do.
         clear = tuple(label(dofs, e.name, e.dof) for e in on.named)

@@ -142,7 +142,7 @@ class DefaultEngine:
         theta = np.column_stack([self.placed.theta, self.placed.centre, drawing.parts.theta])
         count = np.zeros(4 * system.plan.n, dtype=np.int64)
         self.state = FilterState(theta, np.zeros((len(start), theta.shape[1])), start.copy(), count,
-                                 np.full(count.size, np.nan), count.copy())
+                                 np.full(count.size, np.nan), count.copy(), np.zeros(count.size))
         self.iterated = IteratedUpdate(system, start, rules.learn, drawing)
         self.information = np.zeros((drawing.size, drawing.size))
         none = SampleBlock(np.zeros((0, 4 * system.plan.n)), np.zeros(0), np.zeros(0, dtype=np.int64))
@@ -246,6 +246,7 @@ class DefaultEngine:
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Take a state back; the iterated update under way is done again as far as it was."""
+        arrays = {"far": np.zeros(len(arrays["same"])), **arrays}   # files of before have none
         self.state = FilterState(*(np.ascontiguousarray(arrays[key]) for key in FilterState._fields))
         self.counts, self.information = arrays["counts"], arrays["information"]
         self.placed = self.placed._replace(theta=self.members().copy(), drawn=arrays["drawn"])

@@ -1,5 +1,6 @@
 """The dual ensemble Kalman filter: radiation parameters and wave excitation force from motion, recursively."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -77,6 +78,7 @@ class DualEnKF:
         self._scales: SignalScales | None = None
         self._plan = plan_of(self.model, self.parts)
         self.time = self.interval = np.nan
+        self.warned = False
 
     def prepare(self, record: RecordLike) -> "DualEnKF":
         """Start afresh, with sensor noise and the force's size taken from a record; the filter itself comes back.
@@ -109,7 +111,7 @@ class DualEnKF:
     def step(self, sample: Mapping[str, float]) -> StepResult:
         """Take one sample of live data: `time` [s] and whatever channels came; others, and NaN, count as missing.
 
-        A second sample at the same time counts as another measurement.
+        A second sample at the same time counts as another measurement. Warnings are those of `advance`.
 
         Raises
         ------
@@ -151,7 +153,7 @@ class DualEnKF:
         if smooth and not isinstance(engine, DefaultEngine):
             raise InputError("smooth: only the default filter has a smoother; use preset=None")
         y = channels(record, self.model.dofs)
-        out = self.advance(record.time, y)
+        out = self._advance(record.time, y)
         if isinstance(engine, DefaultEngine):
             out.theta[-1], out.theta_std[-1] = engine.settle()
         force = self._smoothed(record.time, np.where(out.taken, y.T, np.nan), out.theta[-1]) if smooth else None
@@ -170,7 +172,8 @@ class DualEnKF:
     def advance(self, time: FloatArray, y: FloatArray) -> Outcome:
         """Take many samples at once: time (nt,) and channels (4 n, nt) as `scales.channels` stacks them.
 
-        A long record can be taken in pieces; the state between them is the same to the last bit.
+        A long record can be taken in pieces; the state between them is the same to the last bit. A RuntimeWarning
+        tells once where most samples of some five periods contradict the stretch that `prepare` was given.
 
         Raises
         ------
@@ -183,6 +186,14 @@ class DualEnKF:
         >>> rss.DualEnKF(model, seed=1).prepare(record).advance(record.time, y).force.shape
         (500, 1)
         """
+        out = self._advance(time, y)
+        if not self.warned and isinstance(self.engine, DefaultEngine):
+            for text in estimate.contradiction(self.engine.state.far, self.model.dofs, self.settings.larger):
+                self.warned = True
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+        return out
+
+    def _advance(self, time: FloatArray, y: FloatArray) -> Outcome:
         out = self._running("advance")[0].advance(SampleBlock.of(time, y, self.time, self.interval, self.longest))
         if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
             at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
@@ -239,16 +250,18 @@ class DualEnKF:
             raise InputError(f"{asked}: call prepare(record) first, with a stretch of record to take the scales from")
         return self.engine, self._scales
 
-    def _start(self, scales: SignalScales, interval: float) -> None:
+    def _start(self, scales: SignalScales, interval: float, periods: float = 5.0) -> None:
+        """Make the engine; live samples are compared with the prediction over some mean periods."""
         self._scales, self.time, self.interval, settings = scales, np.nan, interval, self.settings
+        self.warned, recent = False, periods * 2.0 * np.pi / float(scales.omega.min()) / interval
         first, second = np.random.SeedSequence(settings.seed).spawn(2)
         rng, points = np.random.default_rng(first), conditions(self.parts, *self.points)
         if settings.preset is None:
             drawn = drawing(self.parts, self.prior_std, points, settings.point_noise, self.omega,
                             (settings.n_ensemble, rng))
             force, P = self._at_start(scales)
-            self.engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, P,
-                                        SampleRules(settings.gate, LEARN[settings.learn]), pace=settings.pace)
+            rules = SampleRules(settings.gate, LEARN[settings.learn], estimate.Z95 * settings.larger, max(1.0, recent))
+            self.engine = DefaultEngine(system_of(self._plan, force, scales.noise), drawn, P, rules, pace=settings.pace)
             theta = self.engine.state.theta
         else:
             members = gaussian_members(self.parts, self.prior_std, settings.n_ensemble, rng)
@@ -287,8 +300,10 @@ class DualEnKF:
                                              learn="never", omega=self.omega)
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
-        warnings = (*doubts(self.model, record), *estimate.warnings_of(
-            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset))
+        taught = isinstance(engine, DefaultEngine) and engine.information.any()
+        said = (*doubts(self.model, record), *estimate.warnings_of(
+            table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset),
+            *(estimate.taken_as_exact(self.model, A) if taught else ()))
         return Estimate(self.model.dofs, record.time, force, table, members, out.nis, out.taken.sum(axis=1), counts,
-                        warnings, self.model, parts.names, out.theta.T, out.theta_std.T, parts, self.omega, K, A, B,
+                        said, self.model, parts.names, out.theta.T, out.theta_std.T, parts, self.omega, K, A, B,
                         prior_model)

@@ -13,8 +13,10 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit
+from radiation_ss.inference.scales import channel_names
 from radiation_ss.inference.subsystems import Subsystems
 from radiation_ss.methods import Shown
+from radiation_ss.records.columns import channel_unit
 from radiation_ss.records.record import Record
 
 if TYPE_CHECKING:
@@ -163,6 +165,19 @@ def _band(mean: FloatArray, drawn: FloatArray) -> tuple[FloatArray, FloatArray]:
     return edges.min(axis=0), edges.max(axis=0)
 
 
+def contradiction(far: FloatArray, dofs: tuple[str, ...], larger: float, most: float = 0.5) -> Iterator[str]:
+    """Yield which channels contradict the prediction; far (4 n,): share of their recent samples that are far off.
+
+    A sample is far off beyond `larger` times the 95 % limit of its innovation: by the chi-square law one in twenty
+    honest ones is, in a sea that many times as high as that of `prepare`; `most` of them are only if they are wrong.
+    """
+    if far.max() > most:
+        names = [f"{name} [{channel_unit(name)}]" for name, share in zip(channel_names(dofs), far) if share > most]
+        yield (f"live samples of {', '.join(names)}: most of the last periods are more than {larger:g} times as far "
+               "from the prediction as noise and sea of the record given to prepare allow; check that units and signs "
+               "are those of that record, and that the body is the same; in a sea so much higher call prepare again")
+
+
 def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) -> tuple[float, tuple[str, ...]]:
     """Return the share of a record's information that its misfit leaves to the parameters, and what to say of it.
 
@@ -177,6 +192,21 @@ def information_share(nis: FloatArray, used: np.ndarray, unsure: float = 1.5) ->
         f"the mean squared normalised innovation is {nis.sum() / used.sum():.3g}, where 1 is expected: the plant does "
         f"not explain the record; the parameters' bands are up to {(1.0 + 0.5 * excess) ** 0.5:.3g} times wider for "
         "it, and what the plant lacks may have gone into the parameters: run diagnose",)
+
+
+def taken_as_exact(model: Model, A: Band, usual: float = 0.02) -> Iterator[str]:
+    """Yield what the bands of parameters that a known force taught do not hold.
+
+    A mass that is off by its tolerance (`usual` where the model states none) is a change of A by as much: told where
+    that is more than the half band of A, the median over frequency.
+    """
+    inertia = np.diag(model.M + model.A_inf)
+    half = np.median(0.5 * np.einsum("wii->wi", A.upper - A.lower), axis=0) / inertia
+    if half.min() < model.tolerance.get("mass", usual):
+        dof = model.dofs[int(half.argmin())]
+        yield ("mass, A_inf, stiffness and the radiation's order are taken as exact, and the body as linear: the band "
+               f"of A in {dof} is +-{100.0 * half.min():.2g} % of its inertia, so a mass that is off by more, or drag, "
+               "puts A and B outside their bands; identify with method 'prediction-error' has these numbers free")
 
 
 def warnings_of(table: dict[str, ParameterEstimate], counts: dict[str, int], record: Record, dofs: tuple[str, ...],

@@ -35,6 +35,8 @@ class SampleRules(NamedTuple):
 
     gate: float         # standard deviations beyond which a sample is refused
     learn: int          # 0: never, 1: where the force of every degree of freedom is known, 2: always
+    far: float          # standard deviations beyond which a sample counts as far off
+    recent: float       # samples over which their share is taken
     patience: int = 50  # refused samples in a row after which a channel is believed again
     stuck: int = 20     # equal samples in a row after which a motion sensor counts as dead
 
@@ -51,6 +53,7 @@ class FilterState(NamedTuple):
     streak: np.ndarray  # (4 n,): refused samples in a row
     last: FloatArray    # (4 n,): last sample of each channel
     same: np.ndarray    # (4 n,): how often it has come in a row
+    far: FloatArray     # (4 n,): share of the recent samples that were far from the prediction
 
     @property
     def members(self) -> int:
@@ -200,7 +203,9 @@ def choose(system, rules, state, y, predicted, use):  # type: ignore[no-untyped-
             if H[c, i] != 0.0:
                 for j in range(P.shape[0]):
                     total += H[c, i] * P[i, j] * H[c, j]
-        if abs(y[c] - predicted[0, members]) > rules.gate * np.sqrt(total) and state.streak[c] < rules.patience:
+        off = abs(y[c] - predicted[0, members]) / np.sqrt(total)
+        state.far[c] += ((1.0 if off > rules.far else 0.0) - state.far[c]) / rules.recent
+        if off > rules.gate and state.streak[c] < rules.patience:
             use[c] = False
             state.streak[c] += 1
         else:

@@ -17,7 +17,7 @@ CHOICES = {"preset": (None, "paper"), "learn": ("known-force", "always", "never"
            "analysis": ("stochastic", "square-root"), "order": ("force-first", "motion-first"),
            "force_model": ("coloured", "persistence")}
 NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
-    ("inflation R gate point_noise", lambda value: value > 0.0, "a number above 0 is needed"),
+    ("inflation R gate larger point_noise", lambda value: value > 0.0, "a number above 0 is needed"),
     ("Q_theta Q_state Q_force", lambda value: 0.0 <= value < np.inf, "a number, zero or more, is needed: a variance"),
     ("n_ensemble", lambda value: value >= 4, "a number is needed, at least 4 members for a covariance"),
     ("pace", lambda value: value >= 1, "a number, at least 1, is needed"))
@@ -55,6 +55,7 @@ class FilterSettings:
     learn: str = "known-force"
     entries: Sequence[tuple[str, str]] | None = None  # Entries of the radiation matrix to estimate; all by default
     gate: float = 6.0  # Samples farther off than this many standard deviations are refused as spikes (default filter)
+    larger: float = 5.0  # The sea may be so many times that of `prepare` before live samples contradict it
     # Pieces of work, of some .3 ms each, that an iterated update may take from one live sample (default filter)
     pace: int = 4
     omega: ArrayLike | None = None  # Frequencies [rad/s] of the answer

@@ -258,6 +258,11 @@ def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: flo
                    "in another unit (rho, omega)")
 
 
+def is_led(lead: float | None) -> bool:
+    """Return whether the horizontal force leads by about a quarter period."""
+    return lead is not None and abs(lead - np.pi / 2.0) < np.pi / 4.0
+
+
 def is_reversed(lead: float | None) -> bool:
     """Return whether the horizontal force lags by about a quarter period."""
-    return lead is not None and abs(lead + np.pi / 2.0) < np.pi / 4.0
+    return lead is not None and is_led(-lead)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal.windows import tukey
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
@@ -82,11 +83,14 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     grid = time[0] + dt * np.arange(round((time[-1] - time[0]) / dt))
     omega: FloatArray = 2.0 * np.pi * np.fft.rfftfreq(grid.size, dt).astype(np.float64)
     orders, measured = zip(*(_measured(y[j:3 * n:n], time, grid, record, model.dofs[j]) for j in range(n)))
-    motion = np.stack(measured)
-    motion[:, 0] = 0.0
     noisy = np.array([level[j + order * n] for j, order in enumerate(orders)]) * np.sqrt(grid.size)
+    # Cut ends leak into all frequencies, and the impedance makes a large fast force of that: they are tapered.
+    taper = tukey(grid.size, 0.1)
+    whole, motion = np.fft.rfft(measured), np.fft.rfft(measured * taper / np.sqrt(np.mean(taper**2)))
+    motion[:, 0] = 0.0
     middle = _mean_frequency(motion, omega, noisy)
-    motion[:, 1:] /= (1j * omega[1:]) ** np.array(orders)[:, None]
+    for spectra in (whole, motion):
+        spectra[:, 1:] /= (1j * omega[1:]) ** np.array(orders)[:, None]
     impedance = (-omega[:, None, None] ** 2 * (model.M + model.A_inf)
                  + 1j * omega[:, None, None] * (parts.K(parts.theta, omega) + model.D) + model.C)
     band = _band(motion, omega, middle)
@@ -94,7 +98,7 @@ def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[st
     # Parseval: |F|^2 of a record with its mean removed.
     power = 2.0 * np.abs(force) ** 2 / grid.size**2
     m0, m1, m2 = (np.sum(power * omega**k, axis=1) for k in range(3))
-    std = np.sqrt(2.0 * np.sum(np.abs(np.where(band, motion, 0.0)) ** 2, axis=1)) / grid.size
+    std = np.sqrt(2.0 * np.sum(np.abs(np.where(band, whole, 0.0)) ** 2, axis=1)) / grid.size
     floor = np.abs(np.diag(model.C)) * std * 1e-3 + 1e-300
     level[3 * n:] = np.where(np.isfinite(level[3 * n:]), np.maximum(level[3 * n:], floor), np.nan)
     return SignalScales(level.reshape(4, n), std, np.maximum(np.sqrt(m0), floor), m1 / m0,
@@ -108,12 +112,12 @@ def noise_of(values: FloatArray) -> float:
     return float(np.median(moving) / 0.6745 / np.sqrt(70.0)) if moving.size > 8 else 0.0
 
 
-def _measured(y: FloatArray, time: FloatArray, grid: FloatArray, record: Record, dof: str) -> tuple[int, ComplexArray]:
-    """Return whichever derivative of the displacement is there first, by its order, and its Fourier coefficients."""
+def _measured(y: FloatArray, time: FloatArray, grid: FloatArray, record: Record, dof: str) -> tuple[int, FloatArray]:
+    """Return whichever derivative of the displacement is there first, by its order, less its mean, on the grid."""
     for order, values in enumerate(y):
         good = np.isfinite(values)
         if good.sum() > 8:
-            return order, np.fft.rfft(np.interp(grid, time[good], values[good] - values[good].mean()))
+            return order, np.interp(grid, time[good], values[good] - values[good].mean())
     raise InputError(f"record {record.name}: no motion of {dof}; give {dof}, {dof}_velocity or {dof}_acceleration")
 
 

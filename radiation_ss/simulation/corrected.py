@@ -52,6 +52,8 @@ class Corrected(Brief):
     tolerance: Mapping[str, float] = field(default_factory=dict)  # That the deviations belong to
     # By dof: rms [m or rad] and typical frequency [rad/s] in the records, where a nonlinear effect is linearised
     motion: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # By dof: M + A_inf [kg, kg m^2] and C [N/m, N m/rad] of the diagnosed model; empty: models are not compared with it
+    body: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __str__(self) -> str:
         parts = [f"  {active.name} on {active.dof}: " + ", ".join(
@@ -61,11 +63,28 @@ class Corrected(Brief):
         return "\n".join(["Corrected: what a diagnosis adds to a model", *parts, *own])
 
     def actives(self, model: Model) -> tuple[Active, ...]:
-        """Return everything to be simulated: retuned nominal numbers first, then effects."""
+        """Return everything to be simulated: retuned nominal numbers first, then effects.
+
+        InputError if the model is not of the diagnosed body.
+        """
+        self.check_body(model)
         own = [number.active for number in nominal_effects(model, tolerances(self.tolerance), force=True)]
         return (*(active.with_values([value]) for active in own
                   if (value := self.nominal.get((active.name, active.dof)))),
                 *(active.bound(model) for active in self.effects))
+
+    def check_body(self, model: Model, alike: float = 0.01) -> None:
+        """Refuse a model of other degrees of freedom, or whose inertia or stiffness is not `alike`, relative."""
+        if not self.body:
+            return
+        if set(self.body) != set(model.dofs):
+            raise InputError(f"corrected model: it is of {', '.join(self.body)}, the model given has "
+                             f"{', '.join(model.dofs)}; it must be the diagnosed one")
+        for dof, numbers in self.body.items():
+            for name, then, now in zip(("inertia M + A_inf", "stiffness C"), numbers, numbers_of(model)[dof]):
+                if abs(then - now) > alike * max(abs(then), abs(now)):
+                    raise InputError(f"corrected model: {name} of {dof} was {then:.4g} (SI) in the diagnosis, the "
+                                     f"model given has {now:.4g}; it must be the diagnosed one, alike to {alike:.0%}")
 
     def model(self, model: Model, amplitude: Mapping[str, float] | float | None = None) -> Model:
         """Return the corrected model as a Model, for `identify`, `DualEnKF`, `simulate`: better radiation coefficients.
@@ -126,6 +145,7 @@ class Corrected(Brief):
         """Return the content of corrected.json."""
         return {"schema": SCHEMA, "tolerance": dict(self.tolerance),
                 "motion": {dof: list(pair) for dof, pair in self.motion.items()},
+                "body": {dof: list(pair) for dof, pair in self.body.items()},
                 "nominal": [{"name": name, "dof": dof, "share": value} for (name, dof), value in self.nominal.items()],
                 "effects": [{"name": a.name, "dof": a.dof, "other": a.other, "parameters": dict(a.values)}
                             for a in self.effects]}
@@ -133,6 +153,12 @@ class Corrected(Brief):
     def write(self, path: str | Path) -> None:
         """Write corrected.json."""
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
+
+
+def numbers_of(model: Model) -> dict[str, tuple[float, float]]:
+    """Return inertia M + A_inf and stiffness C of each degree of freedom, by which a body is known again."""
+    return {dof: (float(inertia), float(stiffness)) for dof, inertia, stiffness in
+            zip(model.dofs, np.diag(model.M + model.A_inf), np.diag(model.C))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,8 +331,13 @@ def corrected_force(X: ComplexArray, data: HydroData, model: Model, corrected: C
 
 
 def read_corrected(path: str | Path, model: Model) -> Corrected:
-    """Read corrected.json; InputError for degrees of freedom or nominal numbers that the model does not have."""
+    """Read corrected.json; InputError if it is of another body, or for nominal numbers that the model does not have."""
+    def pairs(content: dict[str, Any], name: str) -> dict[str, tuple[float, float]]:
+        return {dof: (number(listed(pair, name)[0], name), number(pair[1], name))
+                for dof, pair in content.get(name, {}).items()}
+
     def build(content: dict[str, Any]) -> Corrected:
+        Corrected({}, (), body=pairs(content, "body")).check_body(model)
         tolerance = named_numbers(content["tolerance"], "tolerance")
         known = {(own.active.name, own.active.dof) for own in nominal_effects(model, tolerances(tolerance), force=True)}
         nominal: dict[tuple[str, str], float] = {}
@@ -322,9 +353,8 @@ def read_corrected(path: str | Path, model: Model) -> Corrected:
         effects = [{"name": text(row["name"], "name"), "dof": row.get("dof"), "other": row.get("other"),
                     "parameters": named_numbers(row.get("parameters", {}), "parameters")}
                    for row in listed(content["effects"], "effects")]
-        motion = {dof: (number(listed(pair, "motion")[0], "motion"), number(pair[1], "motion"))
-                  for dof, pair in content.get("motion", {}).items()}
-        return Corrected(nominal, activate(effects, model.dofs), tolerance, motion)
+        return Corrected(nominal, activate(effects, model.dofs), tolerance, pairs(content, "motion"),
+                         pairs(content, "body"))
 
     return read_json(path, "corrected.json of diagnose", build, SCHEMA)
 

@@ -61,6 +61,8 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     inside = (w > 0.0) & np.isfinite(w)
     empty = inside & np.isnan(mass).all((1, 2)) & np.isnan(damping).all((1, 2))
     lost = [f"{path}: no radiation result (NaN) at {_list(w[empty])} rad/s; left out"] * bool(empty.any())
+    lost += [f"{path}: no added mass (NaN) at {limit:g} rad/s; that row is left out"
+             for limit in (0.0, np.inf) if np.isnan(mass[w == limit]).all((1, 2)).any()]
     keep = inside & ~empty
     if not keep.any():
         raise InputError(f"{path}: no frequency between zero and infinity with added mass and damping")

@@ -13,6 +13,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, mode
+from radiation_ss.hydro.measures import horizontal_lead, is_led, is_reversed
 from radiation_ss.hydro.readers import text, wamit_out
 from radiation_ss.hydro.readers.assemble import assemble, bodies, constant, constants, log, six_dofs
 from radiation_ss.hydro.readers.wamit_out import MOST_MODES, Entries, Forces, Header, Radiation, Table, add
@@ -72,18 +73,30 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     if stiffness is not None:
         pick = np.array(modes) - 1
         if pick.max() < len(stiffness):
+            left = [m + 1 for m in range(len(stiffness)) if m not in pick and stiffness[m].any()]
+            notes += _left_out(path, "stiffness", left, names)
             fields["C"] = rho * g * L ** (2.0 + pair) * stiffness[np.ix_(pick, pick)]
         elif names[-1] in RIGID or len(stiffness) != 6:
             raise InputError(f"{path}: added mass of mode {max(modes)}, but stiffness of {len(stiffness)} modes")
         else:
             notes.append(f"{path}: stiffness of modes 1 to 6 only; C is left out (the .hst of the run has all of it)")
     if forces is not None:
+        notes += _left_out(path, "exciting forces", forces.beyond, names)
         X = rho * g * L ** (2.0 + turn) * forces.X
         fields["X"] = _at_rows(path, omega, wamit_out.to_omega(forces.period, first_column, g, depth, L), X)
         fields["directions"] = np.deg2rad(forces.heading)
     rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     return assemble(path, omega, A, B, dofs, points=points, notes=[*notes, *header.notes], **stated, **fields)
+
+
+def _left_out(path: Path, what: str, modes: list[int], names: tuple[str, ...]) -> list[str]:
+    """Return and log the note on modes that a part of the run has and its added mass has not."""
+    each = ", ".join(f"{m} ({names[m - 1]})" if m <= len(names) else str(m) for m in modes)
+    notes = [f"{path}: {what} of mode {each} left out: the run has no added mass of it"] * bool(modes)
+    for note in notes:
+        log.warning(note)
+    return notes
 
 
 def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) -> tuple[tuple[str, ...], list[str]]:
@@ -208,6 +221,11 @@ def read_hams(path: Path, **given: float) -> HydroData:
     beside = sorted(file for file in found[0].parent.iterdir() if file.suffix in (".3", ".hst"))
     notes += [f"{root}: {file.name} is not read: {file.with_name(found[0].stem + file.suffix).name} would be"
               for file in beside if file.stem != found[0].stem]
+    lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
+    if data.X is not None and (lead is None or not (is_led(lead) or is_reversed(lead))):
+        notes.append(f"{root}: no waves long enough to tell by X whether it is of e^(+iwt), as it is taken; HAMS of "
+                     "December 2021 to March 2023 wrote e^(-iwt): of such a run take data.replace(X=data.X.conj())")
+        log.warning(notes[-1])
     return data.replace(reference_point=point, source=str(root), notes=tuple(notes), **_matrices(root, data))
 
 

@@ -181,11 +181,12 @@ class Radiation(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Rows of a .3 file: period column, headings [deg], X [period, heading, mode]."""
+    """Rows of a .3 file: period column, headings [deg], X [period, heading, mode], other modes it has forces of."""
 
     period: FloatArray
     heading: FloatArray
     X: ComplexArray
+    beyond: list[int]
 
 
 def usual_modes(path: Path | str, table: Mapping[str, Entries], what: str) -> frozenset[tuple[int, ...]]:
@@ -224,7 +225,8 @@ def force_array(path: Path, table: Table, modes: list[int]) -> Forces:
     if lost := ", ".join(str(m) for m in modes if (m,) not in there):
         raise InputError(f"{path}: no exciting force of mode {lost}, whose added mass is there")
     X = np.array([[entries[m,] for m in modes] for entries in every.values()], dtype=complex)
-    return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)))
+    beyond = sorted(m for (m,) in there if m not in modes)
+    return Forces(np.array(periods), np.array(headings), X.reshape(len(periods), len(headings), len(modes)), beyond)
 
 
 READINGS = ("period", "omega", "wavenumber", "deep_wavenumber", "wavelength")
