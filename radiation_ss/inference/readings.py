@@ -99,9 +99,26 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         if values is not None and np.isfinite(values[0]).sum() >= fewest(record) and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
             found = (order, record.time[there], values[0][there])
-            silent = noise_only(model, found, i) and not still_allowed(model, record, i)
+            silent = noise_only(model, found, i) and not (record.kind == "static" and loaded(record, model.dofs[i]))
             return None if silent or aside(model, record, i) else found
     return None
+
+
+def gauged(model: Model, record: Record) -> np.ndarray:
+    """Return which motions of a prescribed test have their force measured, (n,); InputError if none has."""
+    force = record.get("force", model.dofs)
+    found = np.zeros(model.n, dtype=bool) if force is None else np.isfinite(force).sum(axis=1) >= 4
+    if not found.any():
+        raise InputError(f"record {record.name}: a prescribed motion predicts its force, and no force is measured; its "
+                         f"columns are {', '.join(record.channels)}")
+    return found
+
+
+def held(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each motion of a prescribed test whose column is the noise of its sensor."""
+    still = [dof for i, dof in enumerate(model.dofs) if dof in record.dofs and channel(model, record, i) is None]
+    return [f"Record {record.name}: {dof} shows noise alone; it is taken as held fast." for dof in still
+            if record.kind == "prescribed"]
 
 
 def fewest(record: Record) -> int:
@@ -122,11 +139,6 @@ def not_measured(model: Model, record: Record) -> InputError:
         said = (f"{', '.join(there)} {'are' if len(there) > 1 else 'is'} noise alone (a flat spectrum), or sampled "
                 f"too coarsely, every {float(np.median(np.diff(record.time))):.3g} s")
     return InputError(f"record {record.name}: {said}")
-
-
-def still_allowed(model: Model, record: Record, i: int) -> bool:
-    """Whether a motion that only shows noise is a measurement: a prescribed one, or one that a steady force loads."""
-    return record.kind == "prescribed" or (record.kind == "static" and loaded(record, model.dofs[i]))
 
 
 def loaded(record: Record, dof: str) -> bool:
