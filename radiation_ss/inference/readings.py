@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import periodogram, welch
+from scipy.stats import f
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -240,21 +241,23 @@ def noise_of(values: FloatArray, dt: float, omega: float, segments: int = 8) -> 
     The mean over segments, which every part of the record has the same weight in: noise may grow with the motion. They
     have four periods at least.
     """
-    _, _, far, middle = spectra(values, dt, omega, segments)
-    return float(np.sqrt(np.median(far[1]) / (2.0 * dt) / middle)) if far[1].size else 0.0
+    _, _, far, count = spectra(values, dt, omega, segments)
+    return float(np.sqrt(np.median(far[1]) / (2.0 * dt) / middle_of(count))) if far[1].size else 0.0
 
 
 def spectra(values: FloatArray, dt: float, omega: float, segments: int
-            ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], float]:
-    """Return frequencies and power density of a signal, both far above its motion, and a density's median by mean."""
+            ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], int]:
+    """Return frequencies and power density of a signal, both far above its motion, and how many segments it has."""
     length = int(np.clip(max(values.size // segments, 8 * np.pi / (omega * dt)), 1, values.size))
     frequency, power = welch(values - values.mean(), 1.0 / dt, "hann", length, scaling="density")
     at = 2 * np.pi * frequency
     far = (at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)
-    # The median of a mean of k squares of two normal numbers: Wilson and Hilferty's approximation.
-    count = max(2 * values.size // length - 1, 1)
-    middle = np.log(2.0) if count == 1 else (1.0 - 1.0 / (9.0 * count)) ** 3
-    return at, power, (at[far], power[far]), float(middle)
+    return at, power, (at[far], power[far]), max(2 * values.size // length - 1, 1)
+
+
+def middle_of(count: int) -> float:
+    """Return the median by the mean of a mean of squares of two normal numbers each (Wilson and Hilferty)."""
+    return float(np.log(2.0) if count == 1 else (1.0 - 1.0 / (9.0 * count)) ** 3)
 
 
 def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, white: float = 1.0,
@@ -266,7 +269,7 @@ def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, 
     `white`: odds that it has none, by prior; every other motion has no tail. Nowhere more than the signal itself shows
     within half an octave to either side.
     """
-    _, _, (high, far), middle = spectra(values, dt, omega, segments)
+    _, _, (high, far), count = spectra(values, dt, omega, segments)
     if not far.size or not np.all(far > 0.0):
         return np.zeros_like(at)
     colours, tails = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 0.95, 20),
@@ -279,30 +282,34 @@ def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, 
     # A mean of k squares of two normal numbers has a logarithm of variance 1 / k; under Hann's window bins go in pairs.
     fits = -0.25 * segments * high.size * np.var(np.log(flat), axis=1)
     weights = np.exp(fits - fits.max()) * np.where(colours > 0.0, 1.0, 19.0 * white) * np.where(tails > 0.0, 1.0, 11.0)
-    density = weights @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle / weights.sum()
+    density = weights @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle_of(count) / weights.sum()
     frequency, power = periodogram(values, 1.0 / dt, "hann")
     near = np.abs(np.log2(np.maximum(2.0 * np.pi * frequency, 1e-300) / at[:, None])) <= 0.5
-    count = near.sum(axis=1)
+    lines = near.sum(axis=1)
     # By two standard deviations of a mean of squares more; under Hann's window those of neighbours go together.
-    shown = near @ power / np.maximum(count, 1) * (1.0 + 2.0 * np.sqrt(1.5 / np.maximum(count, 1)))
-    return np.asarray(np.sqrt(np.where(count > 0, np.minimum(density, shown), density) / (2.0 * dt)))
+    shown = near @ power / np.maximum(lines, 1) * (1.0 + 2.0 * np.sqrt(1.5 / np.maximum(lines, 1)))
+    return np.asarray(np.sqrt(np.where(lines > 0, np.minimum(density, shown), density) / (2.0 * dt)))
 
 
 def clear_up_to(grid: Grid, found: tuple[int, FloatArray, FloatArray], omega: float, white: float, least: float,
-                clear: float = 2.0) -> float:
+                clear: float = 2.0, chance: float = 0.01) -> float:
     """Return the frequency [rad/s], `least` at least, up to which a motion stands out of its sensor's noise.
 
-    There its power in a third of an octave is `clear` times that of the noise for the last time.
+    There its power in a third of an octave is `clear` times that of the noise for the last time, and more than what
+    noise alone has in any of them with probability `chance`, by the numbers of their lines and of the noise's.
     """
     _, time, values = found
     own, highest = np.interp(grid.own, time, values), 0.7 * np.pi / (grid.step * grid.keep)
-    at, power, _, _ = spectra(own, grid.step, omega, 8)
+    at, power, (far, _), count = spectra(own, grid.step, omega, 8)
     above = (at > least) & (at <= highest)
     if not above.any():
         return least
     noise = 2.0 * grid.step * coloured_noise(own, grid.step, omega, at[above], white) ** 2
     third = np.floor(3.0 * np.log2(at[above] / least)).astype(int)
-    there = np.flatnonzero(np.bincount(third, power[above]) > clear * np.bincount(third, noise))
+    # Under Hann's window m lines of a segment are as m + 1 squares of normal numbers, and a median as half as many.
+    squares = count * (np.bincount(third) + 1.0)
+    level = np.maximum(clear, f.isf(chance / squares.size, squares, 0.5 * count * (far.size + 1.0)))
+    there = np.flatnonzero(np.bincount(third, power[above]) > level * np.bincount(third, noise))
     return min(least * 2.0 ** ((there[-1] + 1.0) / 3.0), highest) if there.size else least
 
 
