@@ -57,3 +57,17 @@ def test_a_prescribed_motion_without_any_force_is_refused():
     records = [driven(0, 0.04, 3.0, 0, left_out=("Heave_force", "Pitch_force"))]
     with pytest.raises(rss.InputError, match="no force is measured"):
         rss.diagnose(model(), records)
+
+
+def test_a_motion_that_nobody_measured_is_said_to_be_taken_as_rest():
+    """Two floats joined by a damper, by its exact response to a sine; only one of them has a sensor."""
+    rigid = rss.RadiationFit(("a__Heave", "b__Heave"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    floats = rss.Model(rigid.dofs, np.diag([3.0, 4.0]), np.eye(2), np.diag([60.0, 90.0]), rigid, D=np.diag([3.0, 3.0]))
+    w, force = np.array([3.0, 4.0, 5.0]), np.array([[2.0], [0.0]])
+    damper = 2.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    x = sum(np.real(np.linalg.solve(-u**2 * np.diag([4.0, 5.0]) + 1j * u * (np.diag([3.0, 3.0]) + damper)
+                                    + np.diag([60.0, 90.0]), force) * np.exp(1j * u * TIME)) for u in w)
+    channels = {"a__Heave": x[0] + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size),
+                "a__Heave_force": 2.0 * np.cos(np.outer(w, TIME)).sum(axis=0), "b__Heave_force": 0.0 * TIME}
+    found = rss.diagnose(floats, rss.Record(TIME, channels, kind="forced", name="one sensor"), ["linear_damping"])
+    assert sum("one sensor: b__Heave is not measured and taken as at rest" in note for note in found.notes) == 1

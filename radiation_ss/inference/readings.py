@@ -115,11 +115,19 @@ def gauged(model: Model, record: Record) -> np.ndarray:
     return found
 
 
-def held(model: Model, record: Record) -> list[str]:
-    """Return a sentence for each motion of a prescribed test whose column is the noise of its sensor."""
-    still = [dof for i, dof in enumerate(model.dofs) if dof in record.dofs and channel(model, record, i) is None]
-    return [f"Record {record.name}: {dof} shows noise alone; it is taken as held fast." for dof in still
-            if record.kind == "prescribed"]
+def unmoved(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each motion that is taken as none: of a prescribed test what its sensor shows as noise,
+    of a free body what no sensor shows.
+    """
+    still = [dof for i, dof in enumerate(model.dofs) if channel(model, record, i) is None]
+    if record.kind == "prescribed":
+        return [f"Record {record.name}: {dof} shows noise alone; it is taken as held fast." for dof in still
+                if dof in record.dofs]
+    dark = [dof for dof in still if not np.isfinite([values for q in QUANTITIES if (
+        values := record.get(q, [dof])) is not None]).any()]
+    return [f"Record {record.name}: {', '.join(dark)} {'is' if len(dark) == 1 else 'are'} not measured and taken as at "
+            "rest, not predicted: if there is motion, causes on it or by way of it are not told, and coupled numbers "
+            "may take their place."] if dark and record.kind != "static" else []
 
 
 def fewest(record: Record) -> int:
