@@ -3,7 +3,7 @@
 import numpy as np
 
 import radiation_ss as rss
-from radiation_ss.inference.motion import measured_motion
+from radiation_ss.inference import measured_motion
 
 TIME = np.arange(0.0, 14.0, 0.04)
 

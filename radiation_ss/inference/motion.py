@@ -17,7 +17,6 @@ from radiation_ss.inference.readings import (
     averaged,
     channel,
     clear_up_to,
-    coloured_noise,
     driven_up_to,
     fewest,
     gauged,
@@ -30,6 +29,7 @@ from radiation_ss.inference.readings import (
     still_or_waves,
     typical,
 )
+from radiation_ss.inference.sensor_noise import coloured_noise
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
