@@ -249,7 +249,7 @@ def run(folder: str | Path, cases: int | None = None, seed: int | None = None, *
     """
     folder = Path(folder)
     if not (folder / MANIFEST).exists():
-        generate(folder, seed=seed, **drawn, **({} if cases is None else {"cases": cases}))
+        generate(folder, seed=seed, **(drawn if cases is None else {**drawn, "cases": cases}))
     sealed = seal_of(folder)
     tasks = [f"{i:03d}" for i in range(sealed.cases)]
     asked = "" if cases in (None, sealed.cases) else (f", not the {cases} asked for: its cases are sealed, and another "

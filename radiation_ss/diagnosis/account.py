@@ -16,8 +16,8 @@ from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
 from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import noise_of
 from radiation_ss.inference.search import Found, solve_set, start_sizes
+from radiation_ss.inference.sensor_noise import noise_of
 from radiation_ss.inference.trajectory_fit import fit_trajectories
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record

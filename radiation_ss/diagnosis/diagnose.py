@@ -23,7 +23,7 @@ from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import measured_motion, parted
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.readings import moves, not_measured
+from radiation_ss.inference.readings import moves, not_measured, unmoved
 from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
@@ -151,7 +151,7 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
         found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
-        notes += [*said, *coarse_excitation(model, record), *drifting(model, record)]
+        notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
         parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
         still = [part for part in parts if not moves(model, part)]
         kept += [part for part in parts if part not in still]

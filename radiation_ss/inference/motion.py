@@ -17,9 +17,9 @@ from radiation_ss.inference.readings import (
     averaged,
     channel,
     clear_up_to,
-    coloured_noise,
     driven_up_to,
     fewest,
+    gauged,
     integrated,
     known_force,
     not_measured,
@@ -30,6 +30,7 @@ from radiation_ss.inference.readings import (
     still_or_waves,
     typical,
 )
+from radiation_ss.inference.sensor_noise import coloured_noise
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
@@ -65,7 +66,9 @@ class MeasuredMotion:
     x: FloatArray
     v: FloatArray
     a: FloatArray
-    free: np.ndarray  # (n,): Degrees of freedom that are measured; the others are held, but see `followed`
+    # (n,): Degrees of freedom whose motion is measured, or whose force is where the motion is prescribed: they have an
+    # equation. Motions that show none are held, but see `followed`
+    free: np.ndarray
     force: FloatArray | None  # (n, nt): Known exciting force; the measured total force where the motion is prescribed
     # memory, radiation (n, nt), (m, nt): Radiation force and states along the motion
     memory: FloatArray
@@ -148,16 +151,17 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         record = measured_freely(model, record)[0]
     edge = unsure_edge(model, record)
     found = [channel(model, record, i) for i in range(model.n)]
-    free = np.array([f is not None for f in found])
-    if not free.any():
+    moving = np.array([f is not None for f in found])
+    if not moving.any():
         raise not_measured(model, record)
+    free = gauged(model, record) if record.kind == "prescribed" else moving
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     if not still:
         found = [f and (f[0], *bridged(f[1], f[2], 2 * np.pi / w)) for f, w in zip(found, omega)]
-    omega[~free] = omega[free].max()
+    omega[~moving] = omega[moving].max()
     reach = np.array([max(resolution.harmonics * w, driven_up_to(model, record, i)) for i, w in enumerate(omega)])
-    fastest = reach[free].max()
+    fastest = reach[moving].max()
     grid = Grid(record.time[0] + edge, record.time[-1] - edge, step)
     grid = (grid.of_at_most(resolution.levels) if still else
             grid.with_samples(resolution.least, resolution.samples, 2 * np.pi * resolution.harmonics / fastest))
@@ -166,7 +170,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         raise InputError(f"record {record.name}: {count} samples at {resolution.samples} a period; at least "
                          f"{fewest(record)} are needed")
     dt = float(time[1] - time[0])
-    length = min(resolution.periods * 2 * np.pi / omega[free].min(), (time[-1] - time[0]) / 3.0)
+    length = min(resolution.periods * 2 * np.pi / omega[moving].min(), (time[-1] - time[0]) / 3.0)
     top = min(fastest, 0.7 * np.pi / (step * grid.keep))
     basis = ([samplewise(time.size)] if still else
              blocks(time.size, dt, length, top, 0.125 * length, resolution.alike))

@@ -125,6 +125,7 @@ def nothing(rows: int, terms: int) -> Columns:
 def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     """Return typical sizes of one degree of freedom over the records."""
     mine = [run for run in runs if run.free[i]] or list(runs)
+    mine = [run for run in mine if np.any(run.x[i])] or mine
     def rms(name: str) -> float:
         return float(np.sqrt(np.mean([np.mean(getattr(run, name)[i] ** 2) for run in mine]))) + 1e-12
     moving = float(np.sqrt(np.mean([np.mean(about_mean(run, i) ** 2) for run in mine]))) + 1e-12
@@ -133,9 +134,9 @@ def scales_of(model: Model, runs: Sequence[MeasuredMotion], i: int) -> Scales:
     inertia = model.M[i, i] + model.A_inf[i, i]
     drifts = model.C[i, i] == 0.0 and any(run.record.kind != "static" for run in mine)
     force = inertia * rms("a") if drifts else max(abs(model.C[i, i]), inertia * omega**2) * moving
-    loads = [np.mean(run.force[i] ** 2) for run in mine if run.record.kind == "static" and run.force is not None]
-    if loads and model.C[i, i] == 0.0:  # of a body at rest, inertia says nothing of what holds it
-        force = max(force, float(np.sqrt(np.mean(loads))))
+    loads = [np.mean(run.force[i] ** 2) for run in mine if run.prescribed and run.force is not None]
+    if loads and (model.C[i, i] == 0.0 if mine[0].record.kind == "static" else not np.any(mine[0].x[i])):
+        force = max(force, float(np.sqrt(np.mean(loads))))  # inertia says nothing of what holds a body at rest
     driving = float(np.sqrt(np.mean(u))) if u else 0.0
     force = max(force, driving)  # a body that is held fast hardly moves
     duration = float(np.mean([run.time[-1] - run.time[0] for run in mine]))

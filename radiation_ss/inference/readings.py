@@ -5,12 +5,13 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import periodogram, welch
+from scipy.stats import f
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import DEPTHS
 from radiation_ss.errors import InputError
+from radiation_ss.inference.sensor_noise import coloured_noise, noise_of, spectra
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
@@ -99,9 +100,34 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
         if values is not None and np.isfinite(values[0]).sum() >= fewest(record) and np.nanstd(values[0]) > 0.0:
             there = np.isfinite(values[0])
             found = (order, record.time[there], values[0][there])
-            silent = noise_only(model, found, i) and not still_allowed(model, record, i)
+            silent = noise_only(model, found, i) and not (record.kind == "static" and loaded(record, model.dofs[i]))
             return None if silent or aside(model, record, i) else found
     return None
+
+
+def gauged(model: Model, record: Record) -> np.ndarray:
+    """Return which motions of a prescribed test have their force measured, (n,); InputError if none has."""
+    force = record.get("force", model.dofs)
+    found = np.zeros(model.n, dtype=bool) if force is None else np.isfinite(force).sum(axis=1) >= 4
+    if not found.any():
+        raise InputError(f"record {record.name}: a prescribed motion predicts its force, and no force is measured; its "
+                         f"columns are {', '.join(record.channels)}")
+    return found
+
+
+def unmoved(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each motion that is taken as none: of a prescribed test what its sensor shows as noise,
+    of a free body what no sensor shows.
+    """
+    still = [dof for i, dof in enumerate(model.dofs) if channel(model, record, i) is None]
+    if record.kind == "prescribed":
+        return [f"Record {record.name}: {dof} shows noise alone; it is taken as held fast." for dof in still
+                if dof in record.dofs]
+    dark = [dof for dof in still if not np.isfinite([values for q in QUANTITIES if (
+        values := record.get(q, [dof])) is not None]).any()]
+    return [f"Record {record.name}: {', '.join(dark)} {'is' if len(dark) == 1 else 'are'} not measured and taken as at "
+            "rest, not predicted: if there is motion, causes on it or by way of it are not told, and coupled numbers "
+            "may take their place."] if dark and record.kind != "static" else []
 
 
 def fewest(record: Record) -> int:
@@ -122,11 +148,6 @@ def not_measured(model: Model, record: Record) -> InputError:
         said = (f"{', '.join(there)} {'are' if len(there) > 1 else 'is'} noise alone (a flat spectrum), or sampled "
                 f"too coarsely, every {float(np.median(np.diff(record.time))):.3g} s")
     return InputError(f"record {record.name}: {said}")
-
-
-def still_allowed(model: Model, record: Record, i: int) -> bool:
-    """Whether a motion that only shows noise is a measurement: a prescribed one, or one that a steady force loads."""
-    return record.kind == "prescribed" or (record.kind == "static" and loaded(record, model.dofs[i]))
 
 
 def loaded(record: Record, dof: str) -> bool:
@@ -222,75 +243,25 @@ def slow_motions(order: int, raw: FloatArray, i: int, omega: float, dt: float) -
     return found
 
 
-def noise_of(values: FloatArray, dt: float, omega: float, segments: int = 8) -> float:
-    """Return the standard deviation of a signal's white noise, from the median of its spectrum far above the motion.
-
-    The mean over segments, which every part of the record has the same weight in: noise may grow with the motion. They
-    have four periods at least.
-    """
-    _, _, far, middle = spectra(values, dt, omega, segments)
-    return float(np.sqrt(np.median(far[1]) / (2.0 * dt) / middle)) if far[1].size else 0.0
-
-
-def spectra(values: FloatArray, dt: float, omega: float, segments: int
-            ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], float]:
-    """Return frequencies and power density of a signal, both far above its motion, and a density's median by mean."""
-    length = int(np.clip(max(values.size // segments, 8 * np.pi / (omega * dt)), 1, values.size))
-    frequency, power = welch(values - values.mean(), 1.0 / dt, "hann", length, scaling="density")
-    at = 2 * np.pi * frequency
-    far = (at > min(6.0 * omega, 0.7 * np.pi / dt)) & (at < 0.98 * np.pi / dt)
-    # The median of a mean of k squares of two normal numbers: Wilson and Hilferty's approximation.
-    count = max(2 * values.size // length - 1, 1)
-    middle = np.log(2.0) if count == 1 else (1.0 - 1.0 / (9.0 * count)) ** 3
-    return at, power, (at[far], power[far]), float(middle)
-
-
-def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, white: float = 1.0,
-                   segments: int = 8) -> FloatArray:
-    """Return the standard deviations a sample of white noise as strong as a signal's at frequencies `at` [rad/s].
-
-    Noise of the first order, S = s / (1 - 2 c cos(w dt) + c^2), by the spectrum far above the motion, where the motion
-    itself may leave a tail, w^-6: the mean of all colours, each as probable as it fits the logarithms: many may fit.
-    `white`: odds that it has none, by prior; every other motion has no tail. Nowhere more than the signal itself shows
-    within half an octave to either side.
-    """
-    _, _, (high, far), middle = spectra(values, dt, omega, segments)
-    if not far.size or not np.all(far > 0.0):
-        return np.zeros_like(at)
-    colours, tails = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 0.95, 20),
-                                                           [0.0, *np.geomspace(0.1, 1e4, 11)]))
-
-    def shape(w: FloatArray) -> FloatArray:
-        return np.asarray(1.0 / (1.0 - 2.0 * np.outer(colours, np.cos(w * dt)) + colours[:, None] ** 2))
-
-    flat = far / (shape(high) + tails[:, None] * shape(high[:1]) * (high / high[0]) ** -6.0)
-    # A mean of k squares of two normal numbers has a logarithm of variance 1 / k; under Hann's window bins go in pairs.
-    fits = -0.25 * segments * high.size * np.var(np.log(flat), axis=1)
-    weights = np.exp(fits - fits.max()) * np.where(colours > 0.0, 1.0, 19.0 * white) * np.where(tails > 0.0, 1.0, 11.0)
-    density = weights @ (np.median(flat, axis=1)[:, None] * shape(at)) / middle / weights.sum()
-    frequency, power = periodogram(values, 1.0 / dt, "hann")
-    near = np.abs(np.log2(np.maximum(2.0 * np.pi * frequency, 1e-300) / at[:, None])) <= 0.5
-    count = near.sum(axis=1)
-    # By two standard deviations of a mean of squares more; under Hann's window those of neighbours go together.
-    shown = near @ power / np.maximum(count, 1) * (1.0 + 2.0 * np.sqrt(1.5 / np.maximum(count, 1)))
-    return np.asarray(np.sqrt(np.where(count > 0, np.minimum(density, shown), density) / (2.0 * dt)))
-
-
 def clear_up_to(grid: Grid, found: tuple[int, FloatArray, FloatArray], omega: float, white: float, least: float,
-                clear: float = 2.0) -> float:
+                clear: float = 2.0, chance: float = 0.01) -> float:
     """Return the frequency [rad/s], `least` at least, up to which a motion stands out of its sensor's noise.
 
-    There its power in a third of an octave is `clear` times that of the noise for the last time.
+    There its power in a third of an octave is `clear` times that of the noise for the last time, and more than what
+    noise alone has in any of them with probability `chance`, by the numbers of their lines and of the noise's.
     """
     _, time, values = found
     own, highest = np.interp(grid.own, time, values), 0.7 * np.pi / (grid.step * grid.keep)
-    at, power, _, _ = spectra(own, grid.step, omega, 8)
+    at, power, (far, _), count = spectra(own, grid.step, omega, 8)
     above = (at > least) & (at <= highest)
     if not above.any():
         return least
     noise = 2.0 * grid.step * coloured_noise(own, grid.step, omega, at[above], white) ** 2
     third = np.floor(3.0 * np.log2(at[above] / least)).astype(int)
-    there = np.flatnonzero(np.bincount(third, power[above]) > clear * np.bincount(third, noise))
+    # Under Hann's window m lines of a segment are as m + 1 squares of normal numbers, and a median as half as many.
+    squares = count * (np.bincount(third) + 1.0)
+    level = np.maximum(clear, f.isf(chance / squares.size, squares, 0.5 * count * (far.size + 1.0)))
+    there = np.flatnonzero(np.bincount(third, power[above]) > level * np.bincount(third, noise))
     return min(least * 2.0 ** ((there[-1] + 1.0) / 3.0), highest) if there.size else least
 
 

@@ -148,11 +148,16 @@ def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], gro
 
 
 def local_size(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
-    """Return the rms of the model's own force in each block and in the whole record, about the mean of the motion."""
+    """Return the rms of the model's own force in each block and in the whole record, about the mean of the motion.
+
+    A held motion needs none: it has the size of the force that is measured there.
+    """
     inertia = model.M[i, i] + model.A_inf[i, i]
     stiff = max(abs(model.C[i, i]), inertia * run.omega[i] ** 2)
     drifts = model.C[i, i] == 0.0 and run.record.kind != "static"
     force = inertia * run.a[i] if drifts else stiff * about_mean(run, i)
+    if run.record.kind == "prescribed" and run.force is not None and not np.any(run.x[i]):
+        force = run.force[i] - run.force[i].mean()
     local = np.array([np.sqrt(np.mean(force[b.samples] ** 2)) for b in run.basis])
     return local, float(np.sqrt(np.mean(force**2))) + 1e-300
 

@@ -1,0 +1,73 @@
+"""Rigs that drive one motion and hold another, made here from phasors: what sensors of the held one may say."""
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+
+TIME = np.arange(0.0, 40.0, 0.04)
+INERTIA, ADDED = np.diag([40.0, 4.0]), np.array([[30.0, 2.0], [2.0, 3.0]])
+STIFFNESS, KERNEL = np.diag([2300.0, 250.0]), np.diag([120.0, 8.0])  # of K(s) = KERNEL s / (s^2 + 3 s + 20)
+
+
+def model():
+    a, b = np.kron(np.eye(2), [[0.0, 1.0], [-20.0, -3.0]]), np.kron(np.eye(2), [[0.0], [1.0]])
+    fit = rss.RadiationFit(("Heave", "Pitch"), a, b, np.kron(KERNEL, [[0.0, 1.0]]), 4)
+    return rss.Model(fit.dofs, INERTIA, ADDED, STIFFNESS, fit)
+
+
+def driven(which, size, omega, seed, drag=0.0, left_out=(), talk=0.0):
+    """One motion is driven, and moves the other by a share `talk` of its phase; sensors of .2 mm and .5 mrad."""
+    rng, middle = np.random.default_rng(seed), omega * np.linspace(0.6, 1.5, 9)
+    phasor = np.zeros((2, 9), dtype=complex)
+    phasor[which] = size / 3.0 * rng.uniform(0.5, 1.0, 9) * np.exp(2j * np.pi * rng.random(9))
+    phasor[1 - which] = talk * phasor[which]
+    s = 1j * middle
+    K = KERNEL[:, :, None] * s / (s**2 + 3.0 * s + 20.0)
+    Z = s**2 * (INERTIA + ADDED)[:, :, None] + s * K + STIFFNESS[:, :, None]
+    turning = np.exp(np.outer(s, TIME))
+    x, v, force = (np.real(p @ turning) for p in (phasor, s * phasor, np.einsum("ijw,jw->iw", Z, phasor)))
+    force[0] += drag * np.abs(v[0]) * v[0]
+    x += np.array([[2e-4], [5e-4]]) * rng.standard_normal(x.shape)
+    force += np.array([[0.4], [0.05]]) * rng.standard_normal(x.shape)
+    read = dict(zip(("Heave", "Pitch", "Heave_force", "Pitch_force"), (*x, *force)))
+    return rss.Record(TIME, {k: y for k, y in read.items() if k not in left_out}, kind="prescribed",
+                      name=f"{which} {omega}")
+
+
+def programme(seed, **more):
+    forces = ("Pitch_force", "Heave_force")
+    return [driven(which, size, omega, seed + k, **{key: (forces[which],) if key == "left_out" else value
+                                                    for key, value in more.items()})
+            for k, (which, size, omega) in enumerate([(0, 0.04, 3.0), (0, 0.03, 5.0), (1, 0.08, 3.0), (1, 0.06, 5.0)])]
+
+
+@pytest.mark.parametrize("seed", [10, 20])
+@pytest.mark.parametrize("more", [{}, {"left_out": True}], ids=["both gauges", "the driven motion's gauge"])
+@pytest.mark.parametrize("drag, told", [(0.0, []), (900.0, [("quadratic_drag", "Heave")])])
+def test_what_the_sensor_of_a_held_motion_shows_is_no_motion(seed, more, drag, told):
+    found = rss.diagnose(model(), programme(seed, drag=drag, **more))
+    assert [(e.name, e.dof) for e in found.verdict.effects] == told
+    assert found.verdict.status == ("effect" if told else "no_gap")
+    assert found.how_far.gap_after < 1.3 * found.how_far.noise_floor
+    assert sum("is taken as held fast" in note for note in found.notes) == 4
+
+
+def test_a_prescribed_motion_without_any_force_is_refused():
+    records = [driven(0, 0.04, 3.0, 0, left_out=("Heave_force", "Pitch_force"))]
+    with pytest.raises(rss.InputError, match="no force is measured"):
+        rss.diagnose(model(), records)
+
+
+def test_a_motion_that_nobody_measured_is_said_to_be_taken_as_rest():
+    """Two floats joined by a damper, by its exact response to a sine; only one of them has a sensor."""
+    rigid = rss.RadiationFit(("a__Heave", "b__Heave"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    floats = rss.Model(rigid.dofs, np.diag([3.0, 4.0]), np.eye(2), np.diag([60.0, 90.0]), rigid, D=np.diag([3.0, 3.0]))
+    w, force = np.array([3.0, 4.0, 5.0]), np.array([[2.0], [0.0]])
+    damper = 2.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    x = sum(np.real(np.linalg.solve(-u**2 * np.diag([4.0, 5.0]) + 1j * u * (np.diag([3.0, 3.0]) + damper)
+                                    + np.diag([60.0, 90.0]), force) * np.exp(1j * u * TIME)) for u in w)
+    channels = {"a__Heave": x[0] + 1e-4 * np.random.default_rng(0).standard_normal(TIME.size),
+                "a__Heave_force": 2.0 * np.cos(np.outer(w, TIME)).sum(axis=0), "b__Heave_force": 0.0 * TIME}
+    found = rss.diagnose(floats, rss.Record(TIME, channels, kind="forced", name="one sensor"), ["linear_damping"])
+    assert sum("one sensor: b__Heave is not measured and taken as at rest" in note for note in found.notes) == 1
