@@ -181,3 +181,26 @@ def test_the_force_is_read_anew_where_its_times_move():
         for delay in (0.1, 0.1, 0.3, 0.1):
             clock = np.repeat(half_steps(prepared.grid)[:, None] - delay, model.n, axis=1)
             assert np.allclose(late.drive(prepared, np.array([delay])), prepared.drive(clock), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.002])
+def test_steps_split_where_friction_sets_in_give_what_short_ones_give(width):
+    """A body that sticks between swings: path and derivatives at the steps' ends, in a fraction of the parts."""
+    model, levels, h = coupled_model(), 8, 0.1
+    friction = Active(library()["coulomb_friction"], "Roll", {"force": 4e5, "width": width, "sharpness": 4.0})
+
+    def run(step, halvings):
+        rollout = Rollout(model, [friction], step, halvings)
+        time = step * np.arange(round(20.0 / step) + 1)
+        at = time[:, None] + step * np.array([0.0, 0.5, 1.0])
+        drive = np.zeros((time.size, 9, model.n))
+        drive[:, :3] = 1e6 * np.sin(1.3 * at)[:, :, None]
+        columns, still = np.eye(rollout.np)[:, :2], np.zeros((rollout.ns, 2))
+        states, parts = rollout.path(still[:, 0], drive, time, friction.vector)
+        return states, rollout.derivatives(parts, drive, time, friction.vector, columns, still), parts
+
+    (x, dx, (_, parts)), (y, dy, (_, all_parts)) = run(h, levels), run(h / 2**levels, 0)
+    y, dy = y[::2**levels], dy[::2**levels]
+    assert np.abs(x - y).max() < 1e-4 * np.abs(y).max()
+    assert np.abs(dx - dy).max(axis=(0, 1)) == pytest.approx(0.0, abs=2e-2 * np.abs(dy).max())
+    assert parts[:, 2].max() > 2 and len(parts) < 0.02 * len(all_parts)

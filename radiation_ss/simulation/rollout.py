@@ -62,7 +62,7 @@ class Rollout:
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float, halvings: int = 0,
-                 accuracy: float = 1e-5) -> None:
+                 accuracy: float = 1e-4) -> None:
         self.model, self.actives, self.h, self.accuracy = model, tuple(actives), float(h), accuracy
         forms = tuple(a.form for a in self.actives)
         self.equations = equations = equations_of(EquationKey((id(model), *forms), model, self.actives))
