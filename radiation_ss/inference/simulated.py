@@ -43,14 +43,18 @@ class SimulatedRecords:
 
         See `Trajectories`. InputError if the effects set in so sharply that steps are split into more than `most`.
         """
-        h = max(0.5 * self.allowed([self.problem.runs[r].record for r in self.records], ()), self.least)
-        try:
-            taken = sum(len(self.path(r, h, vector_of(self.actives))[1]) for r in self.records)
-        except SolverError:  # such numbers are where a fit may begin, not where it ends
-            taken = 0
-        if taken > most:
+        runs = [self.problem.runs[r] for r in self.records]
+        h = max(0.5 * self.allowed([run.record for run in runs], ()), self.least)
+        if sum(float(np.ptp(run.time)) for run in runs) > most * self.least and self.split(h) > most:
             raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
         return h, [self.longest(r, h, rough) for r in self.records]
+
+    def split(self, h: float) -> int:
+        """Return into how many parts steps of h [s] are split; 0 where the motion grows: fits do not end there."""
+        try:
+            return sum(len(self.path(r, h, vector_of(self.actives))[1]) for r in self.records)
+        except SolverError:
+            return 0
 
     def allowed(self, records: Sequence[Record], effects: Sequence[Active]) -> float:
         """Return the step [s] that effects ask for in some records."""
