@@ -89,6 +89,13 @@ def test_an_operation_that_cannot_be_run_is_named():
         Compiled(ca.Function("strange", [x, p], [ca.erfinv(x)]))
 
 
+def joined_drive(rng, steps, n):
+    """A random drive at start, middle and end of steps, where a step ends that at which the next one starts."""
+    drive = rng.standard_normal((steps + 1, 9, n))
+    drive[:-1, 2::3] = drive[1:, ::3]
+    return drive
+
+
 @pytest.mark.parametrize("name", ["quadratic_drag", "hysteresis", "tank_resonance", "added_inertia"])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_path_is_lawsons_method_written_out(name, seed):
@@ -97,9 +104,9 @@ def test_a_path_is_lawsons_method_written_out(name, seed):
     rng = np.random.default_rng(seed)
     rollout = Rollout(model, [Active(effect, "Roll", {})], h=0.05)
     steps, n, ns = 12, model.n, rollout.ns
-    drive, time = rng.standard_normal((steps + 1, 9, n)), 0.05 * np.arange(steps + 1)
+    drive, time = joined_drive(rng, steps, n), 0.05 * np.arange(steps + 1)
     p, s = 0.1 + rng.random(rollout.np), 0.1 * rng.standard_normal(ns)
-    states, stages = rollout.path(s, drive, time, p)
+    states, (stages, _) = rollout.path(s, drive, time, p)
     A, h, v = rollout.linear, rollout.h, model.fit.states + n
     half, whole = expm(0.5 * h * A), expm(h * A)
 
@@ -134,14 +141,15 @@ def test_derivatives_of_a_path_are_the_chain_rule_written_out(name, steps, share
     """Stage by stage by CasADi's own Jacobians, with directions that move all, some or no parameters."""
     model, rng = coupled_model(), np.random.default_rng(steps)
     rollout = Rollout(model, [Active(library()[name], "Roll", {})], h=0.05)
-    drive, time = rng.standard_normal((steps + 1, 9, model.n)), 0.05 * np.arange(steps + 1)
+    drive, time = joined_drive(rng, steps, model.n), 0.05 * np.arange(steps + 1)
     p, start = 0.1 + rng.random(rollout.np), 0.1 * rng.standard_normal(rollout.ns)
-    _, stages = rollout.path(start, drive, time, p)
+    _, parts = rollout.path(start, drive, time, p)
+    stages, _ = parts
     columns = rng.standard_normal((rollout.np, 7)) * (rng.random((rollout.np, 7)) < share)
     d = rng.standard_normal((rollout.ns, 7))
-    found = rollout.derivatives(stages, drive, time, p, columns, d)
+    found = rollout.derivatives(parts, drive, time, p, columns, d)
 
-    h, half, whole, size = rollout.h, rollout.half, expm(rollout.h * rollout.linear), np.abs(d).max()
+    h, half, whole, size = rollout.h, rollout.half[0], expm(rollout.h * rollout.linear), np.abs(d).max()
     for k in range(steps):
         def rate(stage, d_stage, k=k):
             at, full = (0, 1, 1, 2)[stage], np.zeros_like(d_stage)
@@ -173,3 +181,26 @@ def test_the_force_is_read_anew_where_its_times_move():
         for delay in (0.1, 0.1, 0.3, 0.1):
             clock = np.repeat(half_steps(prepared.grid)[:, None] - delay, model.n, axis=1)
             assert np.allclose(late.drive(prepared, np.array([delay])), prepared.drive(clock), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.002])
+def test_steps_split_where_friction_sets_in_give_what_short_ones_give(width):
+    """A body that sticks between swings: path and derivatives at the steps' ends, in a fraction of the parts."""
+    model, levels, h = coupled_model(), 8, 0.1
+    friction = Active(library()["coulomb_friction"], "Roll", {"force": 4e5, "width": width, "sharpness": 4.0})
+
+    def run(step, halvings):
+        rollout = Rollout(model, [friction], step, halvings)
+        time = step * np.arange(round(20.0 / step) + 1)
+        at = time[:, None] + step * np.array([0.0, 0.5, 1.0])
+        drive = np.zeros((time.size, 9, model.n))
+        drive[:, :3] = 1e6 * np.sin(1.3 * at)[:, :, None]
+        columns, still = np.eye(rollout.np)[:, :2], np.zeros((rollout.ns, 2))
+        states, parts = rollout.path(still[:, 0], drive, time, friction.vector)
+        return states, rollout.derivatives(parts, drive, time, friction.vector, columns, still), parts
+
+    (x, dx, (_, parts)), (y, dy, (_, all_parts)) = run(h, levels), run(h / 2**levels, 0)
+    y, dy = y[::2**levels], dy[::2**levels]
+    assert np.abs(x - y).max() < 1e-4 * np.abs(y).max()
+    assert np.abs(dx - dy).max(axis=(0, 1)) == pytest.approx(0.0, abs=2e-2 * np.abs(dy).max())
+    assert parts[:, 2].max() > 2 and len(parts) < 0.02 * len(all_parts)

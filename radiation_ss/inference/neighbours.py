@@ -98,7 +98,7 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
 
 def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term]) -> Iterator[Added]:
     """Yield what the terms add to the readings of a fit, those of as many strengths together."""
-    errors, symbols = trial.errors(q), trial.problem.symbols
+    symbols = trial.problem.symbols
     runs, kernels = simulated(trial, q), linear_theory(trial, q)
     for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
         k = terms[some[0]].columns.count
@@ -109,7 +109,7 @@ def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Ter
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)
                           for feature, spread in zip(next(of_records), terms[i].columns.spread)], axis=1)
-            slope += X.T @ errors[r]
+            slope += X.T @ now.errors[r]
             information += products(X, X, k)
             cross[at] += J.T @ X
         lower = np.stack([terms[i].columns.lower / terms[i].columns.spread for i in some])

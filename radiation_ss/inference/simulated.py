@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,9 +17,10 @@ from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
-from radiation_ss.simulation.rollout import Rollout
+from radiation_ss.simulation.rollout import Motion, Rollout
 from radiation_ss.simulation.run import alike
 from radiation_ss.simulation.start import start_of, step_size, unrest_of
 
@@ -27,61 +29,74 @@ from radiation_ss.simulation.start import start_of, step_size, unrest_of
 class SimulatedRecords:
     """Some records as effects make them move; those with numbers of each record's own act as the regression has them.
 
-    `actives`: all that is simulated, with the model's own numbers. `records`: positions.
+    `actives`: all that is simulated, the model's own numbers and `effects`. `records`: positions.
     """
 
     problem: EquationError
     candidate: Candidate
     actives: Sequence[Active]
+    effects: Sequence[Active]
     records: Sequence[int]
 
-    def steps(self, effects: Sequence[Active], rough: float, most: int) -> tuple[float, list[float]]:
-        """Return the integrator's step [s], short enough to follow the effects, and each record's for derivatives.
+    def steps(self, rough: float, most: int) -> tuple[float, list[float]]:
+        """Return the integrator's step [s], half the longest that the model allows, and each record's for derivatives.
 
-        See `Trajectories`. InputError if the effects set in so sharply that more than `most` steps are needed.
+        See `Trajectories`. InputError if the effects set in so sharply that steps are split into more than `most`.
         """
-        runs, p = [self.problem.runs[r] for r in self.records], vector_of(self.actives)
-        halvings = max((a.effect.halvings for a in effects), default=0)
-        h, least = (step_size(self.problem.model, [run.record for run in runs], actives) / 2**halvings
-                    for actives in ((), effects))
-        coarse, duration = 0.0, sum(float(np.ptp(run.time)) for run in runs)
-        while h > 2.0 * least and not self.followed(h, 1e-3, p, self.records):
-            if duration / h > most:
-                raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
-            coarse = coarse or h * self.followed(h, rough, p, self.records)
-            h *= 0.5
-        h = max(0.5 * h, least)
-        return h, [self.longest(r, coarse or h, effects, rough) for r in self.records]
+        runs = [self.problem.runs[r] for r in self.records]
+        h = max(0.5 * self.allowed([run.record for run in runs], ()), self.least)
+        if sum(float(np.ptp(run.time)) for run in runs) > most * self.least and self.split(h) > most:
+            raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
+        return h, [self.longest(r, h, rough) for r in self.records]
 
-    def longest(self, r: int, h: float, effects: Sequence[Active], rough: float) -> float:
+    def split(self, h: float) -> int:
+        """Return into how many parts steps of h [s] are split; 0 where the motion grows: fits do not end there."""
+        try:
+            return sum(len(self.path(r, h, vector_of(self.actives))[1]) for r in self.records)
+        except SolverError:
+            return 0
+
+    def allowed(self, records: Sequence[Record], effects: Sequence[Active]) -> float:
+        """Return the step [s] that effects ask for in some records."""
+        halvings = max((a.effect.halvings for a in self.effects), default=0)
+        return step_size(self.problem.model, records, effects) / 2**halvings
+
+    @cached_property
+    def least(self) -> float:
+        """The shortest step [s] that the effects ask for."""
+        return self.allowed([self.problem.runs[r].record for r in self.records], self.effects)
+
+    def rollout(self, h: float) -> Rollout:
+        """Return the integrator in steps of h [s], split down to the shortest where effects set in."""
+        halvings = int(np.ceil(np.log2(max(h / self.least, 1.0))))
+        return Rollout(self.problem.model, self.actives, h, halvings)
+
+    def longest(self, r: int, h: float, share: float) -> float:
         """Return the longest step [s] for derivatives in a record: h, doubled while its force and motion allow it.
 
         Effects allow what they ask for by their rates, and the force what the model itself follows.
         """
         model, record = self.problem.model, self.problem.runs[r].record
         unforced = replace(record, channels={d: record.channels[d] for d in model.dofs if d in record.channels})
-        most = step_size(model, [unforced], effects) / 2 ** max((a.effect.halvings for a in effects), default=0)
-        while 2.0 * h <= most and self.followed(2.0 * h, rough, 0.0 * vector_of(self.actives), [r]):
+        most = self.allowed([unforced], self.effects)
+        while 2.0 * h <= most and self.followed(r, 2.0 * h, share):
             h *= 2.0
         return h
 
-    def followed(self, h: float, share: float, p: FloatArray, records: Sequence[int]) -> bool:
-        """Whether steps of h leave the motion that begins as measured as in steps of half their length, to a share.
+    def followed(self, r: int, h: float, share: float) -> bool:
+        """Whether steps of h leave a record's motion without effects as steps of half their length do, to a share."""
+        try:
+            coarse, fine = (self.path(r, step, 0.0 * vector_of(self.actives))[0] for step in (h, 0.5 * h))
+        except SolverError:
+            return False
+        return alike(coarse, fine, self.problem.model, share)
 
-        With the parameters p, in some records.
-        """
-        paths = []
-        for rollout in (Rollout(self.problem.model, self.actives, step) for step in (h, 0.5 * h)):
-            path = []
-            for r in records:
-                prepared = self.prepared(r, rollout.h)
-                drive, state = rollout.drive(prepared, p), begun(self.problem, rollout, r)
-                try:
-                    path.append(rollout.run(state, drive, prepared.grid, p, acceleration=False))
-                except SolverError:
-                    return False
-            paths.append(path)
-        return all(alike(coarse, fine, self.problem.model, share) for coarse, fine in zip(*paths))
+    def path(self, r: int, h: float, p: FloatArray) -> tuple[Motion, np.ndarray]:
+        """Return a record's motion that begins as measured, in steps of h [s], and the parts into which these split."""
+        rollout, prepared = self.rollout(h), self.prepared(r, h)
+        states, (_, parts) = rollout.path(begun(self.problem, rollout, r), rollout.drive(prepared, p), prepared.grid, p,
+                                          kept=False)
+        return Motion(states), parts
 
     def prepared(self, r: int, h: float) -> Prepared:
         """Return a record for steps of h [s]: its readings, and its force with that of effects of its own numbers."""

@@ -28,20 +28,21 @@ from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.inference.simulated import SimulatedRecords, begun, blocks_of
-from radiation_ss.simulation.prepared import Prepared
-from radiation_ss.simulation.rollout import Motion, Rollout, reading
+from radiation_ss.simulation.prepared import Channel, Prepared
+from radiation_ss.simulation.rollout import Motion, reading
 
 
 @dataclass(frozen=True, eq=False)
 class Normal:
     """Normal equations of a least-squares fit: cost, information and right side, and what they are made of.
 
-    Of each record: weighted derivatives (rows, some unknowns) and these unknowns' positions.
+    Of each record: weighted errors (rows,), their derivatives (rows, some unknowns) and these unknowns' positions.
     """
 
     cost: float
     information: FloatArray
     slope: FloatArray
+    errors: list[FloatArray]
     parts: list[tuple[FloatArray, np.ndarray]]
 
 
@@ -59,8 +60,8 @@ class Trajectories:
     ones. `unexplained`: whether forces that no effect explains move the body, too: numbers are those that predict
     without them. `zero`: prior standard deviation of a sensor's zero, of the motion's. `rough`: derivatives are taken
     in the longest steps that leave this share of the motion: their error shifts the numbers by about as small a share
-    of their own standard deviations, at a cost that falls with the number of steps. `most`: steps in all records up to
-    which effects shorten them. `told`: information on an unknown, in units of its prior, below which a record tells
+    of their own standard deviations, at a cost that falls with the number of steps. `most`: steps in all records into
+    which effects split them. `told`: information on an unknown, in units of its prior, below which a record tells
     nothing of it. InputError if effects set in so sharply that more steps are needed.
     """
 
@@ -77,9 +78,9 @@ class Trajectories:
         self.actives = (*first.nominal, *effects)
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
         self.base = vector_of(self.actives)
-        simulated = SimulatedRecords(problem, candidate, self.actives, self.records)
-        h, coarse = simulated.steps(effects, rough, most)
-        made = {step: Rollout(problem.model, self.actives, step) for step in {h, *coarse}}
+        simulated = SimulatedRecords(problem, candidate, self.actives, effects, self.records)
+        h, coarse = simulated.steps(rough, most)
+        made = {step: simulated.rollout(step) for step in {h, *coarse}}
         self.rollout, self.rough = made[h], [made[step] for step in coarse]
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]
         slabs += [None if p.fixed or name in unseen else slab(a.effect, name, scales_at(problem, a.dof, a.other))
@@ -173,14 +174,14 @@ class Trajectories:
         found.telling = {}
         return found
 
-    def squares(self, q: FloatArray, now: Normal) -> tuple[FloatArray, FloatArray]:
+    def squares(self, now: Normal) -> tuple[FloatArray, FloatArray]:
         """Return the sums of squares of each motion's weighted errors (n,), with what the unknowns' variance adds.
 
         And the numbers of rows, each of the power of its likelihood.
         """
         covariance, power = np.linalg.inv(now.information), self.problem.rows.power
         total, count = np.zeros((2, self.noise.size))
-        for k, (error, (J, at)) in enumerate(zip(self.errors(q), now.parts)):
+        for k, (error, (J, at)) in enumerate(zip(now.errors, now.parts)):
             square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
             places = [self.places[self.records[k], c.dof] for c in self.prepared[k].channels]
             dofs = np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places])
@@ -276,10 +277,6 @@ class Trajectories:
         except SolverError:
             return np.inf
 
-    def errors(self, q: FloatArray) -> list[FloatArray]:
-        """Return the weighted errors of each record."""
-        return [self._record(k, q, slopes=False)[0] for k in range(len(self.records))]
-
     def weighted(self, k: int, readings: FloatArray) -> FloatArray:
         """Return the rows of what is read in a record, (n, nt), as errors are weighted."""
         r = self.records[k]
@@ -289,18 +286,18 @@ class Trajectories:
 
     def motion(self, k: int, q: FloatArray) -> tuple[FloatArray, Motion]:
         """Return the times of a record's simulation, and its motion."""
-        prepared, p = self.prepared[k], self.parameters(q)
-        own = slice(self.offsets[k], self.offsets[k] + self.starts[k].shape[1])
-        p[self.forces] += self.forces_sd * q[self.offsets[k + 1] - self.forces.size:self.offsets[k + 1]]
+        prepared, p = self.prepared[k], self._own_parameters(k, q)
         drive = self.rollout.drive(prepared, p)
-        return prepared.grid, self.rollout.run(self.starts[k] @ q[own], drive, prepared.grid, p)
+        return prepared.grid, self.rollout.run(self.starts[k] @ q[self._parts(k)[0]], drive, prepared.grid, p)
 
-    def at(self, q: FloatArray) -> Normal:
-        """Return the normal equations; SolverError if the motion, or its derivatives, grow without bounds."""
-        errors, parts, information = [], [], np.eye(self.size)
+    def at(self, q: FloatArray, known: list[FloatArray] | None = None) -> Normal:
+        """Return the normal equations, of known errors where they are given.
+
+        SolverError if the motion, or its derivatives, grow without bounds.
+        """
+        errors, parts, information = known or self.errors(q), [], np.eye(self.size)
         for k in range(len(self.records)):
-            error, rows, at = self._record(k, q, slopes=True)
-            errors.append(error)
+            rows, at = self.derivatives(k, q)
             parts.append((rows, at))
             information[np.ix_(at, at)] += rows.T @ rows
         if not np.isfinite(information).all():
@@ -312,44 +309,66 @@ class Trajectories:
         slope = -q
         for error, (rows, at) in zip(errors, parts):
             slope[at] += rows.T @ error
-        return Normal(cost_of(q, errors), information, slope, parts)
+        return Normal(cost_of(q, errors), information, slope, errors, parts)
 
-    def _record(self, k: int, q: FloatArray, slopes: bool) -> tuple[FloatArray, FloatArray, np.ndarray]:
-        """Return weighted errors and their derivatives (of no rows without `slopes`) by some unknowns, and which."""
-        count, r, prepared, basis = self.free.size, self.records[k], self.prepared[k], self.starts[k]
-        own = slice(self.offsets[k], self.offsets[k] + basis.shape[1])
-        errors = slice(own.stop, own.stop + self.added[k][0].shape[1])
-        forces = slice(errors.stop, errors.stop + self.forces.size)
-        into = np.zeros((self.rollout.np, count + basis.shape[1] + self.forces.size))
+    def errors(self, q: FloatArray) -> list[FloatArray]:
+        """Return the weighted errors of each record."""
+        found = []
+        for k, (prepared, added) in enumerate(zip(self.prepared, self.added)):
+            own, errors, _ = self._parts(k)
+            p = self._own_parameters(k, q)
+            motion = self.rollout.run(self.starts[k] @ q[own], self.rollout.drive(prepared, p), prepared.grid, p,
+                                      acceleration=False)
+            missed = [(c, c.value - reading(self.rollout, motion, prepared.grid, c, p)[0]) for c in prepared.channels]
+            found.append(np.concatenate([self._weight(k, c) * (self._projected(k, c, miss[None])[0] - by @ q[errors])
+                                         for (c, miss), by in zip(missed, added)]))
+        return found
+
+    def derivatives(self, k: int, q: FloatArray) -> tuple[FloatArray, np.ndarray]:
+        """Return the derivatives of a record's weighted errors, less their sign, by some unknowns, and which."""
+        count, basis, prepared, rollout = self.free.size, self.starts[k], self.coarse[k], self.rough[k]
+        own, errors, forces = self._parts(k)
+        into = np.zeros((rollout.np, count + basis.shape[1] + self.forces.size))
         into[self.free, np.arange(count)] = self.sd
         into[self.forces, count + basis.shape[1] + np.arange(self.forces.size)] = self.forces_sd
-        begin = np.zeros((self.rollout.ns, into.shape[1]))
+        begin = np.zeros((rollout.ns, into.shape[1]))
         begin[:, count:count + basis.shape[1]] = basis
         telling = self.telling.get(k, np.arange(into.shape[1]))
         into, begin, at = into[:, telling], begin[:, telling], np.r_[0:count, own, forces][telling]
-        p = self.parameters(q)
-        p[self.forces] += self.forces_sd * q[forces]
-        drive = self.rollout.drive(prepared, p)
-        motion = self.rollout.run(basis @ q[own], drive, prepared.grid, p, acceleration=False)
-        if slopes:
-            coarse, rough = self.coarse[k], self.rough[k]
-            turning = rough.run(basis @ q[own], rough.drive(coarse, p), coarse.grid, p, columns=into, d_start=begin,
-                                acceleration=False)
+        p = self._own_parameters(k, q)
+        motion = rollout.run(basis @ q[own], rollout.drive(prepared, p), prepared.grid, p, columns=into, d_start=begin,
+                             acceleration=False)
         found = []
-        for c, channel in enumerate(prepared.channels):
-            value, _ = reading(self.rollout, motion, prepared.grid, channel, p)
-            slope = reading(rough, turning, coarse.grid, channel, p, into)[1] if slopes else None
-            place, added = self.places[r, channel.dof], self.added[k][c]
-            weight = self.weights[place] / self.noise[channel.dof]
-            error = weight * (self._project(r, place, (channel.value - value)[None])[0] - added @ q[errors])
-            moved = np.zeros((0, 0)) if slope is None else np.hstack([self._project(r, place, slope.T).T, added])
-            found.append((error, weight[: len(moved), None] * moved))
-        weighted, derivatives = (np.concatenate(part) for part in zip(*found))
-        if slopes and k not in self.telling:
+        for channel, added in zip(prepared.channels, self.added[k]):
+            _, slope = reading(rollout, motion, prepared.grid, channel, p, into)
+            assert slope is not None
+            moved = np.hstack([self._projected(k, channel, slope.T).T, added])
+            found.append(self._weight(k, channel)[:, None] * moved)
+        derivatives = np.concatenate(found)
+        if k not in self.telling:
             known = np.sum(derivatives[:, :at.size] ** 2, axis=0) > self.told
             kept = np.r_[known, np.ones(derivatives.shape[1] - at.size, dtype=bool)]
             self.telling[k], derivatives, at = np.flatnonzero(known), derivatives[:, kept], at[known]
-        return weighted, derivatives, np.r_[at, errors]
+        return derivatives, np.r_[at, errors]
+
+    def _parts(self, k: int) -> tuple[slice, slice, slice]:
+        """Return where the unknowns of a record stand: its start, errors of its readings, and of its force."""
+        start = self.offsets[k] + self.starts[k].shape[1]
+        force = self.offsets[k + 1] - self.forces.size
+        return slice(self.offsets[k], start), slice(start, force), slice(force, self.offsets[k + 1])
+
+    def _own_parameters(self, k: int, q: FloatArray) -> FloatArray:
+        """Return all parameters as a record has them."""
+        p = self.parameters(q)
+        p[self.forces] += self.forces_sd * q[self._parts(k)[2]]
+        return p
+
+    def _weight(self, k: int, channel: Channel) -> FloatArray:
+        return self.weights[self.places[self.records[k], channel.dof]] / self.noise[channel.dof]
+
+    def _projected(self, k: int, channel: Channel, values: FloatArray) -> FloatArray:
+        r = self.records[k]
+        return self._project(r, self.places[r, channel.dof], values)
 
     def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
         return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(

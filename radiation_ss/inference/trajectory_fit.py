@@ -145,7 +145,7 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
             return -log_evidence(factor, g, tolerance, rules)
 
         tolerance = float(minimize_scalar(negative, bounds=(0.0, largest), options={"xatol": 0.02}).x)
-        noise = likely_noise(trial, q, now, rules)
+        noise = likely_noise(trial, now, rules)
         done = max(abs(tolerance - trial.tolerance), np.abs(np.log(noise / trial.noise)).max()) < accuracy
         new = trial.tolerating(tolerance).with_noise(noise)
         reached = lowest(new, q / trial.in_units_of(tolerance), fit)
@@ -157,9 +157,9 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
     return trial, q, now
 
 
-def likely_noise(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRules) -> FloatArray:
+def likely_noise(trial: Trajectories, now: Normal, rules: SearchRules) -> FloatArray:
     """Return the most probable factors of the errors' standard deviations about a fit, (n,)."""
-    squares, count = trial.squares(q, now)
+    squares, count = trial.squares(now)
     found = np.ones(squares.size)
 
     def negative(log: float, i: int) -> float:
@@ -170,10 +170,9 @@ def likely_noise(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchR
     return found
 
 
-def log_noise(trial: Trajectories, q: FloatArray, now: Normal, noise: FloatArray, rules: SearchRules,
-              errors: bool = False) -> float:
+def log_noise(trial: Trajectories, now: Normal, noise: FloatArray, rules: SearchRules, errors: bool = False) -> float:
     """Return the log density of errors of some standard deviations, of none or as they are, and of the factors."""
-    squares, count = trial.squares(q, now)
+    squares, count = trial.squares(now)
     log = np.log(noise)
     return float(-count @ log - 0.5 * np.sum((log / rules.sizes.noise) ** 2) - 0.5 * errors * (squares @ noise**-2.0))
 
@@ -202,7 +201,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     if reached is None:
         return fallback
     trial, q, now = with_sizes(trial, *reached, search, rules)
-    squares, count = trial.squares(q, now)
+    squares, count = trial.squares(now)
     if np.any(squares > rules.misfit**2 * count):
         return fallback
     try:
@@ -224,7 +223,7 @@ def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatAr
                 break
             while before - now.cost > rules.kept * now.cost:
                 before, (q, now, _) = now.cost, better(trial, q, now, damping, rules.gain, tries=1)
-            now = trial.at(q) if left else now
+            now = trial.at(q, now.errors) if left else now
     except (SolverError, np.linalg.LinAlgError):
         return None
     return q, now

@@ -79,8 +79,8 @@ class Weighing:
         trial, q, now = min(tries, key=lambda reached: reached[2].cost)
         if let_go(problem) and self.lost(trial, q):
             trial, q, now = min([(trial, q, now), *self.grown(simulated)], key=lambda reached: reached[2].cost)
-        likely, agree = likely_noise(trial, q, now, self.rules), of_second_sensors(problem, candidate)
-        if log_noise(trial, q, now, likely, self.rules, errors=True) + agree < least - self.rules.reach:
+        likely, agree = likely_noise(trial, now, self.rules), of_second_sensors(problem, candidate)
+        if log_noise(trial, now, likely, self.rules, errors=True) + agree < least - self.rules.reach:
             return None
         trial, q, now = with_sizes(trial, *(lowest(trial, q, self.fit) or (q, now)), self.rules, self.fit)
         trial, q, now = self.in_likelier_widths(trial, q, now)
@@ -88,7 +88,7 @@ class Weighing:
                for a, b in zip(trial.candidate.terms, candidate.terms)):
             candidate = self.by_equation(trial.candidate.terms, candidate.posterior.sizes)
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
-        evidence += trial.log_allowed(q, now) + log_noise(trial, q, now, trial.noise, self.rules) + agree
+        evidence += trial.log_allowed(q, now) + log_noise(trial, now, trial.noise, self.rules) + agree
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         point = trial.parameters(q)
         prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume

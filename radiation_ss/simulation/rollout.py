@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from radiation_ss.arrays import FloatArray
@@ -26,7 +27,7 @@ from radiation_ss.simulation.compiled import Compiled
 from radiation_ss.simulation.equations import MotionEquations, sensed
 from radiation_ss.simulation.prepared import Channel, Prepared, half_steps
 
-Path = tuple[FloatArray, FloatArray]  # states at the grid times; states and accelerations at each step's stages
+Parts = tuple[FloatArray, NDArray[np.int64]]  # states and accelerations at the stages of parts of steps, and where
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +56,19 @@ def equations_of(key: EquationKey) -> MotionEquations:
 
 
 class Rollout:
-    """The composite with a set of effects in steps of h [s]; built once, used for any record and parameters."""
+    """The composite with a set of effects in steps of h [s]; built once, used for any record and parameters.
 
-    def __init__(self, model: Model, actives: Sequence[Active], h: float) -> None:
-        self.model, self.actives, self.h = model, tuple(actives), float(h)
+    A step is halved up to `halvings` times while its error is more than `accuracy` of a state's largest value so far.
+    """
+
+    def __init__(self, model: Model, actives: Sequence[Active], h: float, halvings: int = 0,
+                 accuracy: float = 1e-4) -> None:
+        self.model, self.actives, self.h, self.accuracy = model, tuple(actives), float(h), accuracy
         forms = tuple(a.form for a in self.actives)
         self.equations = equations = equations_of(EquationKey((id(model), *forms), model, self.actives))
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
         self.linear, self.rows = equations.linear, equations.stepped
-        self.half = expm(self.linear * 0.5 * self.h)
+        self.half = np.array([expm(self.linear * 0.5**k * self.h) for k in range(1, halvings + 2)])
         self.whole = self.half @ self.half
         self.clocks = np.array([k for i, a in enumerate(self.actives) if a.effect.clock_in is not None
                                 for k in range(self.offsets[i], self.offsets[i + 1])], dtype=np.int64)
@@ -79,10 +84,10 @@ class Rollout:
         `columns` (np, nc), `d_start` (ns, nc): directions of parameters and start whose derivatives are wanted.
         `acceleration`: whether it is wanted; displacement sensors do without.
         """
-        path, stages = self.path(start, drive, time, p)
+        path, parts = self.path(start, drive, time, p, kept=columns is not None)
         d_state = None
         if columns is not None and d_start is not None:
-            d_state = self.derivatives(stages, drive, time, p, columns, d_start)
+            d_state = self.derivatives(parts, drive, time, p, columns, d_start)
         if not acceleration:
             return Motion(path, None, d_state)
         here = drive[:, [0, 3, 6]]
@@ -96,18 +101,20 @@ class Rollout:
         by_state = slope[:, :, : self.ns] + self.linear[v:v + n]
         return Motion(path, value, d_state, by_state @ d_state + slope[:, :, self.ns:] @ columns)
 
-    def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray) -> Path:
-        """Return the states (nt, ns), and states and accelerations at each step's stages, (nt - 1, 4, ns + n)."""
-        from radiation_ss.simulation.integrator import walk
+    def path(self, start: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray,
+             kept: bool = True) -> tuple[FloatArray, Parts]:
+        """Return the states (nt, ns), and if `kept` what derivatives need."""
+        from radiation_ss.simulation.steps import walk
 
         rates, n, v = self.mapped("rates"), self.model.n, self.model.fit.states + self.model.n
-        states, stages = np.empty((time.size, self.ns)), np.empty((time.size - 1, 4, self.ns + n))
+        states = np.empty((time.size, self.ns))
         states[0] = start
         dynamics = self.half, self.whole, self.linear[v:v + n]
-        walk((rates.each, *rates.prepared(p)), dynamics, self.rows, self.h, drive[:-1], time[:-1], states, stages)
+        parts = walk((rates.each, *rates.prepared(p)), dynamics, self.rows, self.h, (drive, time), states,
+                     self.accuracy, kept)
         if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
             raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
-        return states, stages
+        return states, parts
 
     def why_unstable(self) -> str:
         """Return what makes the motion grow: the model itself, or its effects."""
@@ -115,15 +122,15 @@ class Rollout:
             return f"; {unstable_text(loose)}"
         return "; the effects make the model unstable" if self.actives else "; the model is unstable"
 
-    def derivatives(self, stages: FloatArray, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
+    def derivatives(self, parts: Parts, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
                     d_start: FloatArray) -> FloatArray:
-        """Return the derivatives of the states along a path with known stages, shape (nt, ns, nc)."""
-        from radiation_ss.simulation.integrator import propagate_slopes
+        """Return the derivatives of the states along a path in known parts of steps, shape (nt, ns, nc)."""
+        from radiation_ss.simulation.steps import propagate_slopes
 
         slope, result = self.mapped("slope"), np.empty((time.size, *d_start.shape))
         result[0] = d_start
-        propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.whole), self.rows, self.h,
-                         (stages, drive[:-1], time[:-1]), np.ascontiguousarray(columns), result)
+        propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.whole), self.rows, self.h, (drive, time),
+                         parts, np.ascontiguousarray(columns), result)
         return result
 
     def mapped(self, name: str) -> Compiled:
