@@ -148,7 +148,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     moving = np.array([f is not None for f in found])
     if not moving.any():
         raise not_measured(model, record)
-    free = gauged(model, record) if record.kind == "prescribed" else moving
+    free = gauged(model, record, moving) if record.kind == "prescribed" else moving
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     if not still:
