@@ -73,10 +73,11 @@ def test_a_motion_that_nobody_measured_is_said_to_be_taken_as_rest():
     assert sum("one sensor: b__Heave is not measured and taken as at rest" in note for note in found.notes) == 1
 
 
-def test_rounding_of_a_force_on_a_held_motion_is_no_gap():
+@pytest.mark.parametrize("share, noise", [(1e-8, 0.0), (0.0, 0.05)], ids=["rounding", "a gauge's noise"])
+def test_a_gauge_of_a_held_motion_that_nothing_couples_shows_no_gap(share, noise):
     """Of a symmetric body a program leaves 1e-8 of the driven motion's force on the others, and they stand still."""
-    records = [record.with_channels(Pitch=0.0 * TIME, Pitch_force=1e-8 * record.channels["Heave_force"])
+    records = [record.with_channels(Pitch=0.0 * TIME, Pitch_force=share * record.channels["Heave_force"]
+                                    + noise * np.random.default_rng(0).standard_normal(TIME.size))
                for record in programme(10)[:2]]
-    symmetric = model().replace(A_inf=np.diag(np.diag(ADDED)))
-    found = rss.diagnose(symmetric, records)
+    found = rss.diagnose(model().replace(A_inf=np.diag(np.diag(ADDED))), records)
     assert found.verdict.status == "no_gap" and found.how_far.gap_after < 1.3 * found.how_far.noise_floor

@@ -14,7 +14,7 @@ from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
-from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
+from radiation_ss.inference.motion import MeasuredMotion, recorded_force, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.sensor_noise import noise_of
@@ -243,7 +243,8 @@ def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) 
             if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
                 through = float(np.sum(problem.rows.noise[place.rows])) / run.time.size
                 through += beyond(problem.model, run, dof)
-                found[run.record.name] = factor**2 * through + noise_of(run.force[dof], run.dt, run.omega[dof]) ** 2
+                own = noise_of(*recorded_force(problem.model, run, dof), run.omega[dof]) ** 2 / max(run.kept, 1.0)
+                found[run.record.name] = factor**2 * through + own
     return float(np.sqrt(found.get(error.record, np.mean([*found.values()] or [0.0]))))
 
 
