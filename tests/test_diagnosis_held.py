@@ -71,3 +71,13 @@ def test_a_motion_that_nobody_measured_is_said_to_be_taken_as_rest():
                 "a__Heave_force": 2.0 * np.cos(np.outer(w, TIME)).sum(axis=0), "b__Heave_force": 0.0 * TIME}
     found = rss.diagnose(floats, rss.Record(TIME, channels, kind="forced", name="one sensor"), ["linear_damping"])
     assert sum("one sensor: b__Heave is not measured and taken as at rest" in note for note in found.notes) == 1
+
+
+@pytest.mark.parametrize("share, noise", [(1e-8, 0.0), (0.0, 0.05)], ids=["rounding", "a gauge's noise"])
+def test_a_gauge_of_a_held_motion_that_nothing_couples_shows_no_gap(share, noise):
+    """Of a symmetric body a program leaves 1e-8 of the driven motion's force on the others, and they stand still."""
+    records = [record.with_channels(Pitch=0.0 * TIME, Pitch_force=share * record.channels["Heave_force"]
+                                    + noise * np.random.default_rng(0).standard_normal(TIME.size))
+               for record in programme(10)[:2]]
+    found = rss.diagnose(model().replace(A_inf=np.diag(np.diag(ADDED))), records)
+    assert found.verdict.status == "no_gap" and found.how_far.gap_after < 1.3 * found.how_far.noise_floor

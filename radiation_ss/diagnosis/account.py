@@ -14,7 +14,7 @@ from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
-from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
+from radiation_ss.inference.motion import MeasuredMotion, recorded_force, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.sensor_noise import noise_of
@@ -244,8 +244,9 @@ def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) 
                 through = float(np.sum(problem.rows.noise[place.rows])) / run.time.size
                 through += beyond(problem.model, run, dof)
                 # A load's steps are no noise, and what it has of that is in the places' scatter along it.
-                own = 0.0 if run.record.kind == "static" else noise_of(run.force[dof], run.dt, run.omega[dof])
-                found[run.record.name] = factor**2 * through + own**2
+                own = 0.0 if run.record.kind == "static" else noise_of(*recorded_force(problem.model, run, dof),
+                                                                       run.omega[dof])
+                found[run.record.name] = factor**2 * through + own**2 / max(run.kept, 1.0)
     return float(np.sqrt(found.get(error.record, np.mean([*found.values()] or [0.0]))))
 
 

@@ -70,6 +70,8 @@ def left(problem: EquationError, candidate: Candidate, data: Data, rules: Rules)
     sums, slow, fast, events = np.zeros((4, n)), np.zeros((3, n)), np.zeros(n, dtype=bool), np.zeros((1, n))
     for p in [p for p in problem.places if p.order < 0 and problem.runs[p.record].record.kind != "static"]:
         run, i = problem.runs[p.record], p.dof
+        if not np.any(run.x[i]):  # held fast: no force is a motion
+            continue
         # The sensors' noise is white in the motion: in a row of the force it tells the impedance there.
         through = np.tile(run.noise[i, : p.bins] ** 2 / force_noise(problem.model, run, p), len(run.basis))
         omega = np.concatenate([block.omega[: p.bins] for block in run.basis])

@@ -154,7 +154,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     moving = np.array([f is not None for f in found])
     if not moving.any():
         raise not_measured(model, record)
-    free = gauged(model, record) if record.kind == "prescribed" else moving
+    free = gauged(model, record, moving) if record.kind == "prescribed" else moving
     step = min(float(np.median(np.diff(f[1]))) for f in found if f is not None)
     omega = np.array([typical(model, f, i) for i, f in enumerate(found)])
     if not still:
@@ -288,13 +288,19 @@ def recorded_noise(model: Model, run: MeasuredMotion, i: int, at: FloatArray) ->
     """Return the standard deviations a sample of the noise in a recorded exciting force at frequencies `at` [rad/s]."""
     if run.force is None or run.prescribed or not np.any(run.force[i]):
         return np.zeros_like(at)
-    values, step, recorded = run.force[i], run.dt, run.record.get("force", [model.dofs[i]])
-    if recorded is not None:  # readings as they are: between them there is no noise of high frequency
-        time = run.record.time
-        step = float(np.median(np.diff(time)))
-        values = whole(time, recorded[0], np.arange(time[0], time[-1] + 0.5 * step, step))
+    values, step = recorded_force(model, run, i)
     fastest = max(float(run.omega[i]), driven_up_to(model, run.record, i))  # of force and motion
     return np.asarray(coloured_noise(values, step, fastest, at) * np.sqrt(step / run.dt))
+
+
+def recorded_force(model: Model, run: MeasuredMotion, i: int) -> tuple[FloatArray, float]:
+    """Return an exciting force and its step [s], as read: between readings there is no noise of high frequency."""
+    assert run.force is not None
+    recorded, time = run.record.get("force", [model.dofs[i]]), run.record.time
+    if recorded is None:
+        return run.force[i], run.dt
+    step = float(np.median(np.diff(time)))
+    return whole(time, recorded[0], np.arange(time[0], time[-1] + 0.5 * step, step)), step
 
 
 def noise_at_resonance(model: Model, run: MeasuredMotion, i: int) -> FloatArray:

@@ -105,10 +105,16 @@ def channel(model: Model, record: Record, i: int) -> tuple[int, FloatArray, Floa
     return None
 
 
-def gauged(model: Model, record: Record) -> np.ndarray:
-    """Return which motions of a prescribed test have their force measured, (n,); InputError if none has."""
+def gauged(model: Model, record: Record, moving: np.ndarray) -> np.ndarray:
+    """Return which motions of a prescribed test have a force that is measured, (n,); InputError if none has.
+
+    On a motion that is held, not `moving`, it is no faint one: the model knows its couplings no better.
+    """
     force = record.get("force", model.dofs)
-    found = np.zeros(model.n, dtype=bool) if force is None else np.isfinite(force).sum(axis=1) >= 4
+    rows = np.full((model.n, 1), np.nan) if force is None else force
+    found = np.isfinite(rows).sum(axis=1) >= 4
+    size = np.array([np.nanstd(row) if there else 0.0 for row, there in zip(rows, found)])
+    found &= moving | ~faint(model, size / np.diag(model.M + model.A_inf))
     if not found.any():
         raise InputError(f"record {record.name}: a prescribed motion predicts its force, and no force is measured; its "
                          f"columns are {', '.join(record.channels)}")
@@ -116,12 +122,12 @@ def gauged(model: Model, record: Record) -> np.ndarray:
 
 
 def unmoved(model: Model, record: Record) -> list[str]:
-    """Return a sentence for each motion that is taken as none: of a prescribed test what its sensor shows as noise,
-    of a free body what no sensor shows.
+    """Return a sentence for each motion that is taken as none: of a prescribed test what its sensor shows no more
+    of than noise, of a free body what no sensor shows.
     """
     still = [dof for i, dof in enumerate(model.dofs) if channel(model, record, i) is None]
     if record.kind == "prescribed":
-        return [f"Record {record.name}: {dof} shows noise alone; it is taken as held fast." for dof in still
+        return [f"Record {record.name}: {dof} shows no motion beside noise; it is taken as held fast." for dof in still
                 if dof in record.dofs]
     dark = [dof for dof in still if not np.isfinite([values for q in QUANTITIES if (
         values := record.get(q, [dof])) is not None]).any()]
