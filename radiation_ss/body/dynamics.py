@@ -206,7 +206,8 @@ def check_fit(fit: RadiationFit, data: HydroData, usual: float = 0.1, change: fl
     """Refuse a radiation model that is not stable or of another body than the data; warn of one that does not fit.
 
     Its error is compared with what it states, or `usual` where it states none. More than twice that, and more by
-    `change`, is doubtful; by `other`, about as far off as no radiation at all, it is of another body.
+    `change`, is doubtful; by `other`, about as far off as no radiation at all, it is of another body. Energy that it
+    gives is told from a share `change` of its largest damping on.
     """
     from radiation_ss.fit.problem import joint_error
 
@@ -214,7 +215,7 @@ def check_fit(fit: RadiationFit, data: HydroData, usual: float = 0.1, change: fl
         return
     if not fit.stable:
         raise InputError(f"fit: not stable, {fit.certificate}")
-    if not fit.passive:
+    if fit.certificate.margin < -change:
         warnings.warn(InputWarning(f"fit: it can give energy to the body; {fit.certificate}"), stacklevel=4)
     stated = usual if np.isnan(fit.whole_error) else fit.whole_error
     off = joint_error(data, fit.frequency_response(data.omega))
