@@ -1,4 +1,4 @@
-"""The integrator: a path by Lawson's Runge-Kutta method, and its derivatives by the chain rule through the stages.
+"""Evaluation of the equations of motion in compiled code; `steps` integrates them.
 
 Compiled once for all models: the equations come as lists of CasADi's instructions, from `compiled.Compiled`; codes
 are positions in `compiled.OPERATIONS`.
