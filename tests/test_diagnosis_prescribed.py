@@ -175,6 +175,17 @@ def test_even_steps_of_load_there_and_back_show_the_friction(seed):
     assert effect.name == "coulomb_friction" and abs(value - force) < 2.0 * deviation
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("steps", [(0, 1, -1, 2, -2, 3, -3, 4, -4), (0, 1, 2, 3, 4, 0, -1, -2, -3, -4)])
+def test_an_inclining_test_to_both_sides_in_any_order_shows_no_gap(steps, seed):
+    """Of loads that change sides at every step none lies between its neighbours': these do not show the noise."""
+    model = rss.body(dof="Roll", mass=1000.0, GM=0.08, gyradius=0.34, period=2.6, damping_ratio=0.02)
+    load = 10.0 * np.array(steps)
+    angle = load / model.C[0, 0] + 1e-3 * np.random.default_rng(seed).standard_normal(load.size)
+    record = rss.Record(np.arange(load.size), {"Roll": angle, "Roll_force": load}, kind="static")
+    assert rss.diagnose(model, record).verdict.status == "no_gap"
+
+
 def test_a_pull_out_tells_the_stiffness_that_the_model_lacks():
     rng, model = np.random.default_rng(0), rss.body(dof="Surge", mass=2e7, added_mass=1e7)
     x = np.concatenate([np.linspace(0.0, 20.0, 12), np.linspace(20.0, -20.0, 24)])

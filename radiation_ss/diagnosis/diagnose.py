@@ -214,9 +214,9 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     for _ in range(rules.refinements):
         best = [c for c in found.candidates[: steer.beam] if frozenset(c.terms) not in done]
         sharper += [s for c in best[:2] for s in retimed(problem, c, steer, present)]
-        near = [*best, *(c for c in (rivals(problem, best[0], terms, steer, present) if best else ())
-                         if frozenset(c.terms) not in done)]
-        sharper += [fitted_shapes(problem, c, steer, present) for c in near if shaped(c)]
+        near = [*best, *(rivals(problem, best[0], terms, steer, present) if best else ())]
+        sharper += [fitted_shapes(problem, c, steer, present) for c in near
+                    if shaped(c) and frozenset(c.terms) not in done]
         done |= {frozenset(c.terms) for c in (*near, *sharper)}
         terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
         if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):

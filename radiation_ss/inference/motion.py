@@ -23,14 +23,13 @@ from radiation_ss.inference.readings import (
     integrated,
     known_force,
     not_measured,
-    scatter,
     second_sensors,
     slow_motions,
     slow_path,
     still_or_waves,
     typical,
 )
-from radiation_ss.inference.sensor_noise import coloured_noise
+from radiation_ss.inference.sensor_noise import coloured_noise, scatter
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
@@ -182,9 +181,10 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             values = integrated(grid.between(*f[1:]), step / grid.split, f[0], omega[i])
             raw[i] = averaged(values, grid.keep)
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
-            load = record.channels.get(f"{model.dofs[i]}_force") if still else None
-            level = (grid.noise(*f[1:], omega[i], bins, resolution.white) if load is None else
-                     scatter(f[2], np.interp(f[1], record.time, load)) / np.sqrt(grid.keep))
+            level = grid.noise(*f[1:], omega[i], bins, resolution.white)
+            if still and (load := record.channels.get(f"{model.dofs[i]}_force")) is not None:
+                along = scatter(f[2], np.interp(f[1], record.time, load)) / np.sqrt(grid.keep)
+                level = level if np.isnan(along) else np.array(along)
             # An integral's noise is that of each frequency; what is slower than `integrated` keeps is in `lost`.
             slow = omega[i] if bins is None else np.maximum(bins, SLOW * omega[i])
             noise[i] = np.maximum(level / slow ** f[0], floor)

@@ -291,18 +291,6 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
     return ways * pace, gone / pace
 
 
-def scatter(values: FloatArray, load: FloatArray) -> float:
-    """Return how far places lie from the straight line between those before and after, along the load between theirs.
-
-    Their standard deviation, by the median: of a slow test no spectrum shows the noise, for its steps are no motion.
-    """
-    before, after = np.diff(load)[:-1], np.diff(load)[1:]
-    along = before * after > 0.0
-    share = before[along] / (before + after)[along]
-    off = (values[1:-1] - values[:-2])[along] - share * (values[2:] - values[:-2])[along]
-    return float(np.median(np.abs(off) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)) / 0.6745) if along.any() else 0.0
-
-
 def second_sensors(model: Model, record: Record, grid: Grid, found: list[tuple[int, FloatArray, FloatArray] | None],
                    omega: FloatArray, at: FloatArray | None, white: float) -> list[Sensor]:
     """Return velocity and acceleration sensors beside a displacement whose noise is their own; see `Grid.noise`.

@@ -60,3 +60,18 @@ def coloured_noise(values: FloatArray, dt: float, omega: float, at: FloatArray, 
     # By two standard deviations of a mean of squares more; under Hann's window those of neighbours go together.
     shown = near @ power / np.maximum(lines, 1) * (1.0 + 2.0 * np.sqrt(1.5 / np.maximum(lines, 1)))
     return np.asarray(np.sqrt(np.where(lines > 0, np.minimum(density, shown), density) / (2.0 * dt)))
+
+
+def scatter(values: FloatArray, load: FloatArray, least: int = 8) -> float:
+    """Return how far places lie from the straight line between those before and after, along the load between theirs.
+
+    Their standard deviation, by the median: of a slow test no spectrum shows the noise, for its steps are no motion.
+    NaN if fewer than `least` have a load between their neighbours': the median of so few is off by a third.
+    """
+    before, after = np.diff(load)[:-1], np.diff(load)[1:]
+    along = before * after > 0.0
+    if along.sum() < least:
+        return np.nan
+    share = before[along] / (before + after)[along]
+    off = (values[1:-1] - values[:-2])[along] - share * (values[2:] - values[:-2])[along]
+    return float(np.median(np.abs(off) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)) / 0.6745)
