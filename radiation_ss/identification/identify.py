@@ -157,7 +157,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         studies.append(Study(model, form, runs, known, points, seed, generator(seed), rules))
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
     try:
-        study, found = most_probable(studies, [METHODS[method](study) for study in studies])
+        study, found = _answered(studies, method)
     except SolverError as error:
         raise SolverError("; ".join([str(error), *said])) from None
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
@@ -170,6 +170,19 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         said.append(f"the radiation model leaves out {model.fit.relative_error:.0%} of K in its own data, more than "
                     f"the prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+def _answered(studies: Sequence[Study], method: str) -> tuple[Study, Findings]:
+    """Return what a method finds under the most probable of some priors, of those that lead to an answer."""
+    reached, errors = [], []
+    for study in studies:
+        try:
+            reached.append((study, METHODS[method](study)))
+        except SolverError as error:
+            errors.append(error)
+    if not reached:
+        raise errors[0]
+    return most_probable([study for study, _ in reached], [found for _, found in reached])
 
 
 def _asked(method: str, prior: float, points: Points | None, rules: Settings) -> tuple[str, Settings]:
