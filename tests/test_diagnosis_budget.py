@@ -49,7 +49,8 @@ def test_budget_of_known_parts(seed):
     def predict(parts):
         return [Error("unseen", 0, "displacement", TIME, measured, (0 not in parts) * drag + bias + noise)]
 
-    found = budget([Row("quadratic_drag", "Heave", 0.0, (0.0, 0.0), 0.9)], predict, [0.1], ["Heave"], 5.0, rng)
+    row = Row("quadratic_drag", "Heave", 0.0, (0.0, 0.0), 0.9)
+    found = budget([row], predict, np.full((1, 2), 0.1), ["Heave"], 5.0, rng)
     shares = {row.cause: row.share for row in found.rows}
     assert sum(shares.values()) == pytest.approx(1.0)
     energy = {"quadratic_drag": np.mean(drag**2), "offset": bias**2, "noise": 0.01}
@@ -68,7 +69,7 @@ def test_effects_that_surely_add_to_the_gap_are_told(taken, worse):
         return [Error("unseen", 0, "displacement", TIME, np.cos(TIME), gap * (1.0 - taken * (0 in parts)))]
 
     row = Row("linear_damping", "Surge", 0.0, (0.0, 0.0), 0.9)
-    assert budget([row], predict, [0.0], ["Surge"], 5.0, np.random.default_rng(0)).worse is worse
+    assert budget([row], predict, np.zeros((1, 2)), ["Surge"], 5.0, np.random.default_rng(0)).worse is worse
 
 
 def test_what_two_effects_make_against_each_other():
@@ -79,12 +80,12 @@ def test_what_two_effects_make_against_each_other():
         return [Error("unseen", 0, "displacement", TIME, np.cos(TIME), gap * (1.0 - 2.0 * (0 in parts) + (1 in parts)))]
 
     rows = [Row(name, "Roll", 0.0, (0.0, 0.0), 0.9) for name in ("viscous_memory", "delayed_feedback")]
-    found = budget(rows, predict, [0.0], ["Roll"], 5.0, np.random.default_rng(0))
+    found = budget(rows, predict, np.zeros((1, 2)), ["Roll"], 5.0, np.random.default_rng(0))
     assert [row.share for row in found.rows[:2]] == pytest.approx([2.0, -1.0])
     assert found.against == pytest.approx(1.0)
-    alone = budget(rows[:1], predict, [0.0], ["Roll"], 5.0, np.random.default_rng(0))
+    alone = budget(rows[:1], predict, np.zeros((1, 2)), ["Roll"], 5.0, np.random.default_rng(0))
     assert alone.against == 0.0
-    curve = budget([replace(row, law="damping") for row in rows], predict, [0.0], ["Roll"], 5.0,
+    curve = budget([replace(row, law="damping") for row in rows], predict, np.zeros((1, 2)), ["Roll"], 5.0,
                    np.random.default_rng(0))
     assert curve.against == 0.0     # terms of one curve
 

@@ -333,9 +333,12 @@ def test_what_a_sensor_did_not_record_is_not_put_in(column, lost):
     assert any("not measured" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.7, 0.85])
-def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour):
-    """A soft mooring: what the force's sensor adds swings the model far below the waves, and the body not at all."""
+@pytest.mark.parametrize("colour, unseen", [(0.0, 3), (0.7, 3), (0.85, 3), (0.0, 4)])
+def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour, unseen):
+    """A soft mooring: what the force's sensor adds swings the model far below the waves, and the body not at all.
+
+    By how much is chance: in the record of seed 4 it is a third more than expected.
+    """
     model = rss.body(dof="Surge", mass=2.0e5, added_mass=0.0, C=2.0e3, damping_ratio=0.005)
 
     def sea(seed):
@@ -347,7 +350,7 @@ def test_noise_of_the_recorded_force_at_a_faint_resonance_is_no_gap(colour):
         return rss.Record(time, {"Surge": moved + 0.01 * moved.std() * rng.normal(size=time.size),
                                  "Surge_force": force + 0.02 * force.std() * noise}, kind="forced", name=f"sea {seed}")
 
-    found = rss.diagnose(model, [sea(1), sea(2)], withhold=sea(3))
+    found = rss.diagnose(model, [sea(1), sea(2)], withhold=sea(unseen))
     assert found.verdict.status == "no_gap"
     assert found.how_far.gap_after > 0.05  # what the noise moves in the prediction
 

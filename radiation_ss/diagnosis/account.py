@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import gamma
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
@@ -158,10 +159,10 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
               for k, row in enumerate(slow)}
     predictions["recalibrated"] = pair.errors(null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
-    noise = [noise_level(problems, pair, error) for error in given]
+    noise = np.array([noise_level(problems, pair, error) for error in given])
     # A gap relative to a motion that its sensor cannot see is none.
     moving = {(run.record.name, int(i)) for each in problems for run in each.runs for i in np.flatnonzero(run.free)}
-    seen = [k for k, (e, sd) in enumerate(zip(given, noise))
+    seen = [k for k, (e, (sd, _)) in enumerate(zip(given, noise))
             if (e.record, e.dof) in moving and max(float(np.var(e.measured)), e.least**2) > sd**2]
     seen = seen or list(range(len(given)))
 
@@ -172,7 +173,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
         return [errors[k] for k in seen]
 
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
-    return budget(causes, predict_seen, [noise[k] for k in seen], model.dofs, block, np.random.default_rng(data.seed),
+    return budget(causes, predict_seen, noise[seen], model.dofs, block, np.random.default_rng(data.seed),
                   sizes_of(model, data), slow), predictions
 
 
@@ -192,15 +193,15 @@ def place(active: Active) -> str:
     return f"{active.dof},{active.other}" if active.other else active.dof
 
 
-def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -> float:
-    """Return the standard deviation of a sensor's noise a sample, in the record itself where a problem has it.
+def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -> tuple[float, float]:
+    """Return the standard deviation of noise a sample, in the record itself where a problem has it, and at most.
 
     The fit learns the noise in the band of the motion. Above it the noise is what the spectrum shows there, or no less
-    than in the band. The noise of a recorded force moves what is predicted with it. A force that is predicted has the
-    noise of its own sensor, and that of the motion through the impedance.
+    than in the band. The noise of a recorded force moves what is predicted with it, by how much is chance at a narrow
+    resonance. A force that is predicted has the noise of its own sensor, and that of the motion through the impedance.
     """
     if error.quantity == "force":
-        return driven_noise(problems, pair, error)
+        return (driven_noise(problems, pair, error),) * 2
     problem, factor = problems[0], float(np.exp(pair.candidate.posterior.sizes.noise[error.dof]))
     step, levels = float(np.median(np.diff(error.time))), []
     measured = [run for each in problems for run in each.runs if run.free[error.dof]]
@@ -209,28 +210,34 @@ def noise_level(problems: Sequence[EquationError], pair: Fitted, error: Error) -
         noise = run.noise[error.dof] ** 2
         own = band * factor**2 * noise.mean() + (1.0 - band) * max(factor, 1.0) ** 2 * noise[-1]
         own *= max(run.dt / step, 1.0)
-        levels.append(np.sqrt(own + shaken(problem.model, run)[error.dof]))
+        levels.append(np.sqrt(own + shaken(problem.model, run)[:, error.dof]))
     if not levels:
-        return 0.0
+        return 0.0, 0.0
     order = QUANTITIES.index(error.quantity)
-    return float(np.mean(levels)) * problem.scales[problem.model.dofs[error.dof]].omega ** order
+    mean, most = np.mean(levels, axis=0) * problem.scales[problem.model.dofs[error.dof]].omega ** order
+    return float(mean), float(most)
 
 
 def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
-    """Return the mean square of the displacements that noise of the recorded forces makes from a start on, (n,).
+    """Return the mean square of the displacements that noise of the recorded forces makes, and at most, (2, n).
 
     Of a white force of density S it is S int_0^T (1 - t / T) h(t)^2 dt, with the impulse response h; S is that at the
-    natural frequency, where most of the response is.
+    natural frequency, where most of the response is. Its variance is that of independent components at the frequencies
+    2 pi k / T, few of them at a narrow resonance; in one of forty records there is more than at most.
     """
-    (F, G), total = model.matrices(), np.zeros(model.n)
+    (F, G), mean, square = model.matrices(), np.zeros(model.n), np.zeros(model.n)
     first, left = F.shape[0] - 2 * model.n, 1.0 - np.arange(run.time.size) / run.time.size
     step = exact_step(F, G, run.dt)
     for j in range(model.n):
         sd = float(recorded_noise(model, run, j, np.array([natural_frequency(model, j)]))[0])
         if sd > 0.0:
             h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
-            total += sd**2 * run.dt**2 * left @ h**2
-    return total
+            own, power = sd**2 * run.dt**2 * left @ h**2, np.abs(np.fft.rfft(h, axis=0)) ** 2
+            mean += own
+            square += own**2 * (power**2).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300) ** 2
+    spread = square / np.maximum(mean, 1e-300)
+    return np.stack([mean, np.where(mean > 0.0, gamma.isf(0.025, mean / np.maximum(spread, 1e-300), scale=spread),
+                                    0.0)])
 
 
 def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) -> float:

@@ -31,6 +31,7 @@ from radiation_ss.diagnosis.sets import (
     label,
     likely_sets,
     places,
+    told_sets,
     unrivalled,
     with_zeros,
     within,
@@ -83,6 +84,7 @@ class Grounds:
     sets: tuple[Names, ...]  # Those that are not improbable by name, the most probable one first
     chance: float  # Probability that all of `named` are there
     none: float  # Probability that no effect is
+    no_more: float  # Probability that none is beside those of the first set
     worth: float  # Most that a name can be worth, by what is left beside it and by what speaks against it
     contradiction: float  # By how much the model's coefficients contradict themselves
     whole: bool  # Whether `named` is all that tells
@@ -122,7 +124,8 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     # What zeros of sensors are off by in any record is no drift of the force.
     drifting = max(least_beside(closed, rules), rules.discrepancy.offset)
     slow = [e for e in beside.drifts.values() if ledger.closed_by(e.name, e.dof) >= drifting]
-    sets = likely_sets(found, 1.0 - rules.credible, rules.told, pair.candidate.keys)
+    chances = told_sets(found, pair.candidate.keys)
+    sets = likely_sets(chances, 1.0 - rules.credible, rules.told)
     # A force of waves is as sure as its tolerance at each frequency, and so is what is predicted with it.
     by_waves = any(computed(problem.model, record) for record in data.unseen)
     allowed = np.hypot(rules.matters, data.tolerated["force"] * by_waves)
@@ -133,7 +136,8 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     return Grounds(
         named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, rules)),
         sets=tuple((*told, *(label(dofs, e.name, e.dof) for e in slow)) for told in sets),
-        chance=joint(found, [(e.name, *places(e.dof)) for e in named]), none=within(found, frozenset()),
+        chance=joint(found, [(e.name, *places(e.dof)) for e in named]),
+        none=within(chances, ()), no_more=within(chances, sets[0]),
         worth=min(1.0 - max(rules.false_alarm, odd, data.contradiction), 1.0 / (1.0 + ledger.against),
                   *(e.inclusion for e in slow)),
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
@@ -181,7 +185,7 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
         # nothing is there is no answer where that is rather not so.
         return "ambiguous", first, on.sets if len(on.sets) > 1 else ((), *on.sets)
-    return "no_gap", within(found, found.candidates[0].keys), ()
+    return "no_gap", on.no_more, ()
 
 
 def off_best(found: Found, best: Candidate, count: int) -> FloatArray:

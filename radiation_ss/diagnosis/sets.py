@@ -1,6 +1,6 @@
 """Sets of effects by name, and how probable they are."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -48,13 +48,8 @@ def unrivalled(found: Found, key: Key, sure: float) -> bool:
     return best.log_probability - max(others, default=-np.inf) >= np.log(sure / (1.0 - sure))
 
 
-def within(found: Found, keys: Keys) -> float:
-    """Return the probability that no effect but some is there."""
-    return float(sum(p for c, p in zip(found.candidates, found.probabilities()) if c.keys <= keys))
-
-
-def likely_sets(found: Found, least: float, most: int, kept: Keys) -> tuple[Names, ...]:
-    """Return sets of names, the first one's candidate the most probable, others if `least` times as probable.
+def told_sets(found: Found, kept: Keys) -> dict[Names, float]:
+    """Return sets of names with their probabilities, the first candidate's first.
 
     Untold are effects of the first candidate that are not `kept`, and zeros that are off where none of `kept` is: they
     are no other answer.
@@ -66,6 +61,16 @@ def likely_sets(found: Found, least: float, most: int, kept: Keys) -> tuple[Name
         told = [k for k in candidate.keys - small if k[0] not in shifting or k[1] in zeroed]
         labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b) for a, b, c in told))
         chances[labels] = chances.get(labels, 0.0) + float(p)
+    return chances
+
+
+def within(chances: Mapping[Names, float], names: Names) -> float:
+    """Return the probability that no effect but some is there."""
+    return sum(p for labels, p in chances.items() if set(labels) <= set(names))
+
+
+def likely_sets(chances: Mapping[Names, float], least: float, most: int) -> tuple[Names, ...]:
+    """Return sets of names, the first one first, others if `least` times as probable, `most` at most."""
     first, *others = chances
     others = [labels for labels in others if chances[labels] >= least * chances[first]]
     return first, *sorted(others, key=lambda labels: -chances[labels])[: most - 1]

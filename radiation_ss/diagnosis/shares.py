@@ -63,7 +63,8 @@ class Budget(Brief):
     by_record : mapping of (record, dof) to mapping of cause to share
         The same for each record and degree of freedom.
     beyond : float
-        Gap of the model as given beyond the noise that is expected in each record and degree of freedom.
+        Gap beyond the most that noise may make in each record and degree of freedom, of the model as given or of the
+        corrected one, whichever has less.
     grown : float
         Share of the gap's energy by which the causes surely make it larger, with 97.5 % probability.
     """
@@ -156,7 +157,7 @@ def shapley(count: int, value: Callable[[frozenset[int]], FloatArray]) -> FloatA
     return shares
 
 
-def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs: Sequence[str],
+def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Sequence[str],
            block: float, rng: np.random.Generator, sizes: Mapping[tuple[str, int], float] | None = None,
            last: Sequence[Row] = ()) -> Budget:
     """Return the budget of a gap.
@@ -167,8 +168,8 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         Recalibration and effects, shares not filled in.
     predict : callable
         Errors on the unseen records with a set of causes put right.
-    noise : sequence of float
-        Standard deviation of the noise in each error of `predict`.
+    noise : array (errors, 2)
+        Standard deviation of the noise in each error of `predict`: as it is expected, and at most.
     dofs : sequence of str
     block : float
         Length of a block for the intervals [s].
@@ -186,7 +187,7 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         errors = first if not parts else predict(parts)
         return np.concatenate([s * np.bincount(k, e.error**2) for s, k, e in zip(scale, index, errors)])
 
-    size = np.array([s * sd**2 * k.size for s, k, sd in zip(scale, index, noise)])
+    size, most = np.array([s * sd**2 * k.size for s, k, sd in zip(scale, index, noise)]).T
     ends = np.cumsum([0] + [k.max() + 1 for k in index])
     start, end = blocks_of(frozenset()), blocks_of(frozenset(range(len(causes))))
     parts = shapley(len(causes), blocks_of) if causes else np.zeros((0, start.size))
@@ -205,6 +206,7 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
     named = [*causes, *last, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
+    rest = np.add.reduceat([start, end], ends[:-1], axis=1).min(axis=0)
     rows = tuple(replace(r, share=float(table[k].sum() / total), interval=(float(low[k]), float(high[k])))
                  for k, r in enumerate(named))
     by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(
@@ -212,5 +214,5 @@ def budget(causes: Sequence[Row], predict: Predict, noise: Sequence[float], dofs
         for e, i, i2 in zip(first, ends[:-1], ends[1:])}
     return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
                   float(np.sqrt(end.sum())), float(np.sqrt(quiet.sum())), rows, by_record,
-                  float(np.sqrt(np.maximum(np.add.reduceat(start, ends[:-1]) - size, 0.0).sum())),
+                  float(np.sqrt(np.maximum(rest - most, 0.0).sum())),
                   max(float(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025)), 0.0))
