@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.special import gammainccinv
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
@@ -235,9 +235,10 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
             own, power = sd**2 * run.dt**2 * left @ h**2, np.abs(np.fft.rfft(h, axis=0)) ** 2
             mean += own
             square += own**2 * (power**2).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300) ** 2
-    spread = square / np.maximum(mean, 1e-300)
-    return np.stack([mean, np.where(mean > 0.0, gamma.isf(0.025, mean / np.maximum(spread, 1e-300), scale=spread),
-                                    0.0)])
+    most, moved = np.zeros(model.n), mean > 0.0
+    spread = square[moved] / mean[moved]
+    most[moved] = spread * gammainccinv(mean[moved] / spread, 0.025)
+    return np.stack([mean, most])
 
 
 def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) -> float:
