@@ -235,7 +235,7 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
             own, power = sd**2 * run.dt**2 * left @ h**2, np.abs(np.fft.rfft(h, axis=0)) ** 2
             mean += own
             square += own**2 * (power**2).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300) ** 2
-    most, moved = np.zeros(model.n), mean > 0.0
+    most, moved = mean.copy(), square > 0.0
     spread = square[moved] / mean[moved]
     most[moved] = spread * gammainccinv(mean[moved] / spread, 0.025)
     return np.stack([mean, most])
