@@ -225,7 +225,7 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
     natural frequency, where most of the response is. Its variance is that of independent components at the frequencies
     2 pi k / T, few of them at a narrow resonance; in one of forty records there is more than at most.
     """
-    (F, G), mean, square = model.matrices(), np.zeros(model.n), np.zeros(model.n)
+    (F, G), mean, deviation = model.matrices(), np.zeros(model.n), np.zeros(model.n)
     first, left = F.shape[0] - 2 * model.n, 1.0 - np.arange(run.time.size) / run.time.size
     step = exact_step(F, G, run.dt)
     for j in range(model.n):
@@ -234,10 +234,10 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
             h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
             own, power = sd**2 * run.dt**2 * left @ h**2, np.abs(np.fft.rfft(h, axis=0)) ** 2
             mean += own
-            square += own**2 * (power**2).sum(axis=0) / np.maximum(power.sum(axis=0), 1e-300) ** 2
-    most, moved = mean.copy(), square > 0.0
-    spread = square[moved] / mean[moved]
-    most[moved] = spread * gammainccinv(mean[moved] / spread, 0.025)
+            deviation = np.hypot(deviation, own * np.sqrt((power**2).sum(axis=0)) / np.maximum(power.sum(axis=0), 1e-300))
+    most, moved = mean.copy(), deviation > 0.0
+    count = (mean[moved] / deviation[moved]) ** 2
+    most[moved] *= gammainccinv(count, 0.025) / count
     return np.stack([mean, most])
 
 
