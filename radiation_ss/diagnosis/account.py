@@ -234,7 +234,8 @@ def shaken(model: Model, run: MeasuredMotion) -> FloatArray:
             h = propagate(step, np.zeros((run.time.size, model.n)), G[:, j])[:, first:first + model.n]
             own, power = sd**2 * run.dt**2 * left @ h**2, np.abs(np.fft.rfft(h, axis=0)) ** 2
             mean += own
-            deviation = np.hypot(deviation, own * np.sqrt((power**2).sum(axis=0)) / np.maximum(power.sum(axis=0), 1e-300))
+            share = power / np.maximum(power.sum(axis=0), 1e-300)
+            deviation = np.hypot(deviation, own * np.sqrt((share**2).sum(axis=0)))
     most, moved = mean.copy(), deviation > 0.0
     count = (mean[moved] / deviation[moved]) ** 2
     most[moved] *= gammainccinv(count, 0.025) / count
