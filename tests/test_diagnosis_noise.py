@@ -483,3 +483,22 @@ def test_what_shows_no_motion_says_why(kept, words):
     values[kept] = noise[kept]
     with pytest.raises(rss.InputError, match=words):
         rss.diagnose(tank_model(), rss.Record(0.05 * np.arange(400), {"Heave": values}, kind="decay"))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_hardly_moves_in_a_decay_says_nothing_of_couplings(seed):
+    """A motion of less than a thousandth of the other's energy: the model knows its couplings no better."""
+    body, rng, time = coupled(0.0), np.random.default_rng(seed), np.arange(0.0, 60.0, 0.05)
+
+    def decay(dof, start):
+        i = body.dofs.index(dof)
+        k, c, m = body.C[i, i], body.D[i, i], (body.M + body.A_inf)[i, i]
+        moved = odeint(lambda s, t: [s[1], -(k * s[0] + c * s[1]) / m], [start, 0.0], time, rtol=1e-9, atol=1e-12)[:, 0]
+        other = next(d for d in body.dofs if d != dof)
+        stray = 1e-5 * np.exp(-0.05 * time) * np.sin(1.1 * time)
+        read = {name: x + 0.01 * x.std() * rng.normal(size=time.size) for name, x in ((dof, moved), (other, stray))}
+        return rss.Record(time, read, kind="decay", name=dof)
+
+    found = rss.diagnose(body, [decay("Surge", 1.0), decay("Pitch", 0.3)], withhold=decay("Surge", 0.7))
+    assert found.verdict.status == "no_gap"
+    assert any("Record Surge: Pitch shows no motion" in note for note in found.notes)

@@ -122,18 +122,22 @@ def gauged(model: Model, record: Record, moving: np.ndarray) -> np.ndarray:
 
 
 def unmoved(model: Model, record: Record) -> list[str]:
-    """Return a sentence for each motion that is taken as none: of a prescribed test what its sensor shows no more
-    of than noise, of a free body what no sensor shows.
-    """
+    """Return sentences on motions that are taken as none: those that their sensors hardly show, or that have none."""
     still = [dof for i, dof in enumerate(model.dofs) if channel(model, record, i) is None]
     if record.kind == "prescribed":
         return [f"Record {record.name}: {dof} shows no motion beside noise; it is taken as held fast." for dof in still
                 if dof in record.dofs]
     dark = [dof for dof in still if not np.isfinite([values for q in QUANTITIES if (
         values := record.get(q, [dof])) is not None]).any()]
-    return [f"Record {record.name}: {', '.join(dark)} {'is' if len(dark) == 1 else 'are'} not measured and taken as at "
-            "rest, not predicted: if there is motion, causes on it or by way of it are not told, and coupled numbers "
-            "may take their place."] if dark and record.kind != "static" else []
+    quiet, said = [dof for dof in still if dof not in dark], []
+    if quiet:
+        said.append(f"Record {record.name}: {', '.join(quiet)} {'shows' if len(quiet) == 1 else 'show'} no motion "
+                    "beside noise, or hardly any against the others; no cause is sought there.")
+    if dark and record.kind != "static":
+        said.append(f"Record {record.name}: {', '.join(dark)} {'is' if len(dark) == 1 else 'are'} not measured and "
+                    "taken as at rest, not predicted: if there is motion, causes on it or by way of it are not told, "
+                    "and coupled numbers may take their place.")
+    return said
 
 
 def fewest(record: Record) -> int:
@@ -165,12 +169,13 @@ def loaded(record: Record, dof: str) -> bool:
 def aside(model: Model, record: Record, i: int, flat: float = 0.7) -> bool:
     """Whether a motion without a load of its own does not follow the others' loads: what it shows is its sensor's.
 
-    `flat`: as in `noise_only`.
+    Of a free or forced motion it is what is faint against the others. `flat`: as in `noise_only`.
     """
     loads = [record.channels[f"{dof}_force"] for dof in model.dofs if loaded(record, dof)]
-    if record.kind not in ("static", "forced") or not loads or loaded(record, model.dofs[i]):
+    let_go = record.kind == "decay"
+    if record.kind not in ("static", "forced", "decay") or not (loads or let_go) or loaded(record, model.dofs[i]):
         return False
-    if record.kind == "forced":
+    if record.kind != "static":
         moved = np.array([np.nanstd(record.channels.get(dof, np.zeros(1))) for dof in model.dofs])
         return bool(faint(model, moved)[i] and moved[i] > 0.0)  # without a displacement its size is not known here
     rows = np.column_stack([np.ones(record.time.size), *loads, record.channels[model.dofs[i]]])

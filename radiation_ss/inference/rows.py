@@ -101,12 +101,13 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
 
     The noise of one sensor is in the rows of all motions that the model couples, through the same impedance. A set of
     effects that together make another motion's row would explain it; here it is taken out beforehand. In each row the
-    multiples are those of least noise, together with a share of the added motion's own force at that time for its
-    model's error.
+    multiples are those of least noise, together with a share of the added motion's own force at that time, and of the
+    others' by a coupling inertia, for its model's error.
     """
     if model.n == 1:
         return None
     row, column, value = [], [], []
+    inertia = np.diag(model.M + model.A_inf)
     for r, run in enumerate(runs):
         mine = [p for p in places if p.record == r and p.order < 0]
         if run.prescribed or len(mine) < 2:
@@ -118,7 +119,8 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
                 use = [q for q in others if q.bins > k]
                 at = [q.dof for q in use]
                 both, side = S[k][np.ix_(at, at)], S[k][at, p.dof]
-                own = np.stack([(share * scale[q.rows][k::q.bins]) ** 2 for q in use], axis=1)[:, None] + 1e-300
+                own = np.stack([sum((share * scale[o.rows][min(k, o.bins - 1)::o.bins]) ** 2 * inertia[q.dof]
+                                    / inertia[o.dof] for o in mine) for q in use], axis=1)[:, None] + 1e-300
                 t = -np.linalg.solve(both + np.eye(len(at)) * own, side[:, None])[..., 0]
                 # What takes out no more than rounding would carry all of another motion's unknowns along.
                 t[np.abs(t) * np.sqrt(np.diag(both)) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
