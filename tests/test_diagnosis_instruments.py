@@ -218,3 +218,16 @@ def test_clocks_that_differ_from_record_to_record_are_told_of_the_records():
     assert any(text.startswith("Record sea 2: its motion comes 0.0") and " later" in text for text in texts)
     assert any(text.startswith("Record sea 3: its motion comes 0.0") and " earlier" in text for text in texts)
     assert not told((0.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("zero, status", [(0.0, "no_gap"), (0.1, "ambiguous"), (0.3, "ambiguous")])
+def test_a_zero_that_is_off_in_one_record_is_a_sensor_or_a_steady_force(zero, status):
+    """Shares of the motion's rms; the other records have none, so no cause of them all has it."""
+    records = []
+    for seed in range(3):
+        time, force, x, _, rng = driven(seed, 0.8, 4.0)
+        read = x + x.std() * (zero * (seed == 1) + 0.01 * rng.normal(size=time.size))
+        records.append(rss.Record(time, {"Heave": read, "Heave_force": force}, kind="forced", name=f"sea {seed}"))
+    found = rss.diagnose(MODEL, records)
+    assert found.verdict.status == status
+    assert set(found.verdict.indistinguishable) == ({("constant_force",), ("sensor_bias",)} if zero else set())

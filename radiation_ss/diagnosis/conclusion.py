@@ -84,9 +84,9 @@ class Grounds:
     sets: tuple[Names, ...]  # Those that are not improbable by name, the most probable one first
     chance: float  # Probability that all of `named` are there
     none: float  # Probability that no effect is
-    no_more: float  # Probability that none is beside those of the first set
     worth: float  # Most that a name can be worth, by what is left beside it and by what speaks against it
     contradiction: float  # By how much the model's coefficients contradict themselves
+    no_more: float  # Probability that none is beside those of the first set
     whole: bool  # Whether `named` is all that tells
     checked: bool  # Whether unseen records check a name: those of a known force
     matter: bool  # Whether any effect closes what matters
@@ -134,7 +134,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     # What is left may be another effect's: by its motion, where it is more than chance, else by its energy.
     odd = float(np.sqrt(min(ledger.unexplained, 1.0)) if beside.missed else min(ledger.unexplained, 1.0))
     return Grounds(
-        named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, rules)),
+        named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, ledger, rules)),
         sets=tuple((*told, *(label(dofs, e.name, e.dof) for e in slow)) for told in sets),
         chance=joint(found, [(e.name, *places(e.dof)) for e in named]),
         none=within(chances, ()), no_more=within(chances, sets[0]),
@@ -185,6 +185,8 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
         # nothing is there is no answer where that is rather not so.
         return "ambiguous", first, on.sets if len(on.sets) > 1 else ((), *on.sets)
+    if on.zeros:  # of one record, say: no set of effects for all of them has it
+        return "ambiguous", 0.5 * on.no_more, with_zeros(dofs, (), on.zeros)
     return "no_gap", on.no_more, ()
 
 
@@ -199,13 +201,14 @@ def least_beside(closed: FloatArray, rules: Rules) -> float:
     return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
 
 
-def off_zero(found: Found, pair: Fitted, closed: FloatArray, rules: Rules) -> list[str]:
-    """Return the degrees of freedom where a zero is off by what matters."""
+def off_zero(found: Found, pair: Fitted, closed: FloatArray, ledger: Budget, rules: Rules) -> list[str]:
+    """Return the degrees of freedom where a zero is off by what matters, or in some record by more than is allowed."""
     least, names = least_beside(closed, rules), zeros()
     sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in names and size >= least}
     chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
                        if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
-    return [dof for dof in found.problem.model.dofs if chance.get(dof, 0.0) >= rules.sure]
+    return [dof for dof in found.problem.model.dofs
+            if chance.get(dof, 0.0) >= rules.sure or ledger.constant.get(dof, 0.0) >= rules.discrepancy.offset]
 
 
 def contradiction(model: Model, runs: Sequence[MeasuredMotion] = ()) -> float:

@@ -67,6 +67,8 @@ class Budget(Brief):
         corrected one, whichever has less.
     grown : float
         Share of the gap's energy by which the causes surely make it larger, with 97.5 % probability.
+    constant : mapping of dof to float
+        Gap by errors that are constant in each record, beyond the most that noise may make.
     """
 
     unseen: tuple[str, ...]
@@ -77,6 +79,7 @@ class Budget(Brief):
     by_record: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
     beyond: float = 0.0
     grown: float = 0.0
+    constant: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def unexplained(self) -> float:
@@ -207,6 +210,8 @@ def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Seq
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
     named = [*causes, *last, *(Row(c, "", 0.0, (0.0, 0.0)) for c in ("offset", "unexplained", "noise"))]
     rest = np.add.reduceat([start, end], ends[:-1], axis=1).min(axis=0)
+    means = np.maximum(np.add.reduceat(steady, ends[:-1]) - most, 0.0)
+    constant = {dofs[i]: float(np.sqrt(means[[e.dof == i for e in first]].sum())) for i in {e.dof for e in first}}
     rows = tuple(replace(r, share=float(table[k].sum() / total), interval=(float(low[k]), float(high[k])))
                  for k, r in enumerate(named))
     by_record = {(e.record, dofs[e.dof]): {f"{r.cause} {r.dof}".strip(): float(
@@ -215,4 +220,4 @@ def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Seq
     return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
                   float(np.sqrt(end.sum())), float(np.sqrt(quiet.sum())), rows, by_record,
                   float(np.sqrt(np.maximum(rest - most, 0.0).sum())),
-                  max(float(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025)), 0.0))
+                  max(float(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025)), 0.0), constant)

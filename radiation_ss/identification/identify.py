@@ -166,9 +166,11 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
              "force that it estimates; method 'prediction-error' uses them" for record in runs
              if method in MOTION_ONLY and record.kind != "decay"
              and record.get("force", model.dofs) is not None]
-    if float(model.fit.relative_error or 0.0) > prior:
-        said.append(f"the radiation model leaves out {model.fit.relative_error:.0%} of K in its own data, more than "
-                    f"the prior's {prior:.0%}, and the bands are wide for it: a fit with more states tells more")
+    left = float(model.fit.relative_error or 0.0)
+    if left > max(prior / 3.0, rules.tolerances["kernel"]):
+        said.append(f"the radiation model leaves out {left:.0%} of K in its own data: what it leaves out goes into "
+                    "what is found, dampers and nominal numbers too, and the bands may not hold it; a fit with more "
+                    "states tells more")
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
