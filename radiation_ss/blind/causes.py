@@ -15,10 +15,7 @@ ALL = (*ANY, "motion-only")
 
 @dataclass(frozen=True)
 class Typical:
-    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, force.
-
-    `other` is the rms displacement of the other degree of freedom, 0 where there is none.
-    """
+    """Typical sizes of a degree of freedom without the cause: rms of motion, velocity, force, and of the `other`."""
 
     x: float
     v: float

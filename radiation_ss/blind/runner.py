@@ -95,10 +95,7 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, dr
 
 
 def mix_of(text: str) -> dict[str, float]:
-    """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'.
-
-    InputError if a class or mix is unknown or the shares do not add up to 1.
-    """
+    """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'."""
     if text in MIXES:
         return dict(MIXES[text])
     known = f"use {', '.join(MIXES)}, or shares of {', '.join(MIX)} that add up to 1 (none=.5,single=.5)"
@@ -166,8 +163,7 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
     folder = Path(folder)
     if (folder / MANIFEST).exists():
         raise InputError(f"{folder}: holds a blind run already; opened cases are no blind check any more")
-    unknown = sorted(set(kinds) - set(ALL))
-    if unknown:
+    if unknown := sorted(set(kinds) - set(ALL)):
         raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
     schedule(cases, np.random.default_rng(0), kinds, groups, bodies, mix)       # refused before anything is written
     sealed = sealed_folder(folder)

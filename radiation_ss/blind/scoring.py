@@ -178,8 +178,7 @@ def report(cases: Sequence[Scored]) -> str:
     for title, some in parts:
         rows = [str(row) for row in table(some) if row.count]
         text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
-    seconds = np.array([c.seconds for c in cases if np.isfinite(c.seconds)])
-    if seconds.size:
+    if (seconds := np.array([c.seconds for c in cases if np.isfinite(c.seconds)])).size:
         text.append(f"Processor seconds a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
     return "\n".join(text)
 

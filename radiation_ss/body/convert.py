@@ -276,13 +276,11 @@ def _motion(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArray, F
     """Return (F, G) of the continuous system, rows of displacement and velocity, degrees of freedom; all checked."""
     if not hasattr(system, "A"):
         raise InputError(f"{name}: {type(system).__name__} found; a ct.StateSpace, signals as `cummins`, is needed")
-    strange = [label for label in system.input_labels if not label.endswith("_force")]
-    if strange:
+    if strange := [label for label in system.input_labels if not label.endswith("_force")]:
         raise InputError(f"{name}: input {strange[0]!r}; inputs <dof>_force are needed, as those of `cummins`")
     stems = [label.removesuffix("_force") for label in system.input_labels]
     outputs = list(system.output_labels)
-    absent = [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]
-    if absent:
+    if absent := [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]:
         raise InputError(f"{name}: output {absent[0]!r} is missing; it has {', '.join(outputs)}")
     at = [outputs.index(stem) for stem in stems], [outputs.index(f"{stem}_vel") for stem in stems]
     F, G, H, J = (np.asarray(part, float) for part in (system.A, system.B, system.C, system.D))

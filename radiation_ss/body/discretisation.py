@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 METHODS = ("foh", "zoh", "tustin")
 FINE = 16  # fine steps of the convolution in one time step
-AT_ONE = 1e-5  # a double pole at z = 1 is found as far off as the root of the rounding error
 LONGEST = 4000  # time steps of the comparison with the convolution
 
 
@@ -60,9 +59,8 @@ class Sampled(Brief):
     @property
     def drifts(self) -> bool:
         """Not stable, but only by poles at z = 1: what has no restoring, as a free body in Surge, rests anywhere."""
-        poles = np.linalg.eigvals(self.A)
-        outside = poles[np.abs(poles) >= 1.0 - AT_ONE]
-        return not self.stable and bool(np.all(np.abs(outside - 1.0) < AT_ONE))
+        poles, off = np.linalg.eigvals(self.A), 1e-5  # a double pole is found as far off as the root of the rounding
+        return not self.stable and bool(np.all(np.abs(poles[np.abs(poles) >= 1.0 - off] - 1.0) < off))
 
     @property
     def passive(self) -> bool | None:

@@ -170,10 +170,7 @@ def text(model: Model, most: int = 6) -> str:
 
 def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | None, order: int | None,
                accuracy: float | None, options: dict[str, object], own: bool = False) -> Model:
-    """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`.
-
-    `own`: the fit is known to be of these data.
-    """
+    """Return the model of data with M and C, see `Model.from_hydro`; `own`: the fit is known to be of these data."""
     if fit is not None and not isinstance(fit, RadiationFit):
         raise InputError(f"fit: a RadiationFit is needed, {type(fit).__name__} found (order=2 makes one of order 2)")
     if fit is not None and (order is not None or options):

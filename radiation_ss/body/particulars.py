@@ -80,8 +80,7 @@ class Particulars:
                                  "numbers are in SI (kg, m, s), motions of a rigid body in m and rad")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
-            value = getattr(self, name)
-            if value is not None:
+            if (value := getattr(self, name)) is not None:
                 self._check(name, value)
 
     def _check(self, name: str, value: Any) -> None:
@@ -152,8 +151,7 @@ class Particulars:
 def particulars(given: Mapping[str, Any]) -> Particulars:
     """Return the particulars of keywords; InputError names those that there are."""
     names = [f.name for f in fields(Particulars)]
-    unknown = [name for name in given if name not in names]
-    if unknown:
+    if unknown := [name for name in given if name not in names]:
         near = [name for name in names if name.lower() == ELSEWHERE.get(unknown[0], unknown[0]).lower()]
         hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
         raise InputError(f"body: {unknown[0]!r} is unknown{hint}")

@@ -44,10 +44,7 @@ class Information:
         return self.tests[list(chosen)].sum(axis=0)[self.nominal:, self.nominal:]
 
     def detectability(self, chosen: Sequence[int], exact: bool = False) -> FloatArray:
-        """Return by how many standard deviations each effect of typical size stands out, shape (k,).
-
-        `exact`: if the model's own numbers were exactly known.
-        """
+        """Return by how many standard deviations each effect stands out, (k,); `exact`: of a model known exactly."""
         A = self.alone(chosen) if exact else self.beside_nominal(chosen)
         return np.array([strongest(A[np.ix_(at, at)]) for at in self.places])
 

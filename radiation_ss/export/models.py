@@ -71,10 +71,7 @@ STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
 
 
 def write_bemio(fit: RadiationFit, path: Path) -> None:
-    """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects.
-
-    Of a file that is there, the groups of all its bodies; InputError if one of the fit's is none of them by name.
-    """
+    """Write BEMIO's state_space groups, a subsystem an entry, for all bodies of a file that is there; C over rho."""
     import h5py
 
     places, bodies = six_places(fit.dofs, path)
@@ -215,10 +212,7 @@ def read_matlab(path: Path) -> RadiationFit:
 
 
 def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
-    """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
-
-    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`. InputError if there are none.
-    """
+    """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), axes as they are, by entries."""
     keys = [key for key in arrays if key.startswith("Ar_")]
     if not keys:
         raise InputError(f"{name}: no radiation model; A, B, C and dofs, or MSS's Ar_ij, Br_ij, Cr_ij are needed")

@@ -8,8 +8,7 @@ from scipy.linalg import block_diag, eigvals
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import connected, frequency_response, modes
 
-PASSIVE = 1e-9
-"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
+PASSIVE = 1e-9  # negative eigenvalue of the scaled Hermitian part, of the largest size, that counts as round-off
 
 
 @dataclass(frozen=True)

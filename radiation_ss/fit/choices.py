@@ -162,8 +162,7 @@ def nearest_possible(data: HydroData) -> ComplexArray:
 
 def left_out(data: HydroData, weight: FloatArray, error: float) -> Iterator[str]:
     """Say which motions have no states, and of what error more than half is in the data."""
-    silent = [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]
-    if silent:
+    if silent := [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]:
         yield f"{', '.join(silent)}: no radiation but numerical noise; left out of the model and its error"
     least = joint_error(data, nearest_possible(data), weight)
     if least > 0.5 * error:
@@ -203,8 +202,7 @@ def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:
     if isinstance(points, Mapping):
         raise InputError("points: frequencies, as [7.0], are needed; K is met there as the data have it")
     wanted = np.unique(read_only(np.atleast_1d([] if points is None else points), "points", (None,)))
-    outside = ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))
-    if outside.any():
+    if (outside := ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))).any():
         raise InputError(f"points: {wanted[outside][0]:g} rad/s lies outside the data "
                          f"({data.omega[0]:g} to {data.omega[-1]:g} rad/s)")
     return wanted

@@ -189,10 +189,7 @@ def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int =
 
 
 def on_points(port: Port, problem: Problem, theta: FloatArray, steps: int = 40) -> FloatArray:
-    """Return theta moved onto the frequency points to round-off; theta itself where that cannot be.
-
-    By damped Newton steps of least norm, at most `steps`.
-    """
+    """Return theta moved onto the frequency points by Newton steps of least norm; theta itself where that cannot be."""
     if not problem.x_points.size:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]

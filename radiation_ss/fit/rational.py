@@ -32,8 +32,7 @@ def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: Array
 
 
 def _response(a: FloatArray, b: FloatArray, c: FloatArray, w: FloatArray) -> ComplexArray:
-    found = modes(a, b, c)
-    if found is not None:
+    if (found := modes(a, b, c)) is not None:
         return sum_of_modes(*found, w)
     resolvent = 1j * w[:, None, None] * np.eye(a.shape[-1]) - a[..., None, :, :]
     return c[..., None, :, :] @ np.linalg.solve(resolvent, b[..., None, :, :].astype(complex))
@@ -48,8 +47,7 @@ def connected(linked: NDArray) -> list[NDArray[np.int64]]:
 def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) -> FloatArray:
     """Return c exp(a t) b, shape (nt, n_out, n_in), for times t >= 0 [s]; by modes, else by matrix exponentials."""
     times = np.atleast_1d(np.asarray(t, dtype=float))
-    found = modes(a, b, c)
-    if found is not None:
+    if (found := modes(a, b, c)) is not None:
         poles, residues = found
         flat = np.exp(times[:, None] * poles) @ residues.reshape(poles.size, c.shape[0] * b.shape[1])
         return np.ascontiguousarray(flat.real).reshape(times.size, c.shape[0], b.shape[1])
@@ -112,10 +110,7 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray, worst: float = 1e4) -> tu
 
 def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], rows: Sequence[Sequence[int]],
                  columns: Sequence[Sequence[int]], n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the realisation of several systems that share no states.
-
-    `rows`, `columns`: outputs and inputs of each part among the n of the whole; outputs add up.
-    """
+    """Return the realisation of systems that share no states; `rows`, `columns`: outputs and inputs among the n."""
     a = block_diag(*[part[0] for part in parts])
     b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
     for (part_a, part_b, part_c), row, column in zip(parts, rows, columns):
@@ -176,10 +171,7 @@ def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatAr
 
 def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9,
             ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a balanced realisation without the states of Hankel singular value below `tolerance` of the largest.
-
-    `a`, `b`, `c` (N, N), (N, n_in), (n_out, N): stable system.
-    """
+    """Return a balanced realisation of a stable one, without Hankel singular values below a share `tolerance`."""
     reach = square_root(solve_continuous_lyapunov(a, -b @ b.T))
     observe = square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
     u, sigma, vt = np.linalg.svd(observe.T @ reach)

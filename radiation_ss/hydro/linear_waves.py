@@ -6,10 +6,7 @@ from radiation_ss.arrays import FloatArray, positive
 
 
 def wave_number(K: FloatArray, depth: float) -> FloatArray:
-    """Return k0 of k tanh(k h) = K = omega^2 / g, to rounding; K itself in deep water.
-
-    Newton's method from Fenton & McKee's (1990) start.
-    """
+    """Return k0 of k tanh(k h) = K = omega^2 / g, to rounding, by Newton from Fenton & McKee's (1990) start."""
     K, depth = np.asarray(K, dtype=float), positive(depth, "depth", "m", or_infinite=True)
     if np.isinf(depth):
         return K

@@ -67,9 +67,7 @@ def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> I
 
 
 def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float = 9.81) -> Iterator[str]:
-    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero, or an
-    acceleration within a twentieth of `g` [m/s^2].
-    """
+    """Yield a sentence for a motion `far` times its spread from zero, or an acceleration within .05 `g` of gravity."""
     if kind == "static" or values.size < 16 or np.ptp(values) == 0.0:
         return
     middle, spread = float(np.median(values)), float(np.std(values))
@@ -236,8 +234,7 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
     first, when = 0, t[0]
     while last - first >= least:
         pick = np.unique(np.linspace(first, last, many).astype(int))
-        found = _held_until(t[pick], x[:, pick], surer)
-        if found is None:
+        if (found := _held_until(t[pick], x[:, pick], surer)) is None:
             break
         when = found
         if pick.size == last - first + 1:

@@ -33,10 +33,7 @@ Point = tuple[float, ...]
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read the results of a listing.
-
-    InputError if a table is missing or cut off.
-    """
+    """Read the results of a listing."""
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]
     notes = [f"{path}: frequencies have four decimals, forces three digits here; the .AH1 beside it has more"]

@@ -141,13 +141,11 @@ def bodies(dofs: Sequence[str]) -> list[str]:
 
 def _ordered(path: Path | str, omega: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the ascending order of the frequencies and the frequencies in it."""
-    wrong = np.isnan(omega) | (omega < 0.0)
-    if wrong.any():
+    if (wrong := np.isnan(omega) | (omega < 0.0)).any():
         raise InputError(f"{path}: frequencies must be zero, positive or infinite, found {omega[wrong][0]:g} rad/s")
     order = np.argsort(omega, kind="stable")
     omega = omega[order]
-    twice = np.flatnonzero(omega[1:] == omega[:-1])
-    if twice.size:
+    if (twice := np.flatnonzero(omega[1:] == omega[:-1])).size:
         raise InputError(f"{path}: frequency {omega[twice[0]]:g} rad/s is there twice")
     return order, omega
 

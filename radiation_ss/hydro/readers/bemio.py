@@ -21,10 +21,7 @@ HEAD = "simulation_parameters"
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO).
-
-    InputError if the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
-    """
+    """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO)."""
     import h5py
 
     def whole() -> HydroData:

@@ -159,10 +159,7 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
 
 
 def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
-    """Parse PER BETA I MOD PHASE RE IM.
-
-    Both forms of a number are at most a share `apart` apart: whole degrees make .9 %, a turned sign up to 200 %.
-    """
+    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %)."""
     table: Table = {}
     for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
         X, polar = complex(values[5], values[6]), values[3] * np.exp(1j * np.deg2rad(values[4]))
@@ -256,8 +253,7 @@ def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
             name = " ".join(line.split()).replace("External Damping", "External Linear Damping")  # of older versions
             found[name] = np.array([text.row(path, k + 1 + n, row, 6, "6 values") for n, row in enumerate(rows[:6])])
     names = ("Body Mass Matrix:", "External Linear Damping Matrix:", "External Restoring Matrix:")
-    lost = [name for name in names if name not in found]
-    if lost:
+    if lost := [name for name in names if name not in found]:
         raise InputError(f"{path}: no heading {lost[0]!r}")
     mass, damping, more = (found[name] for name in names)
     fields = {"M": mass, "D": damping, "C": None if data.C is None else data.C + more}

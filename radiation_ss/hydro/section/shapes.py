@@ -147,10 +147,7 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
 
 
 def circle_section(radius: float, draft: float | None = None) -> Section:
-    """Return a circular cylinder of given radius, floating at a draft (default: half immersed).
-
-    InputError if radius or draft is not positive, or the circle is fully submerged.
-    """
+    """Return a circular cylinder of given radius, floating at a draft (default: half immersed)."""
     a = positive(radius, "radius", "m")
     d = a if draft is None else positive(draft, "draft", "m")
     if d >= 2.0 * a:
@@ -160,10 +157,7 @@ def circle_section(radius: float, draft: float | None = None) -> Section:
 
 
 def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) -> Section:
-    """Return a rectangular section with rounded bilges.
-
-    InputError if a length is not positive or the bilge radius exceeds half-breadth or draft.
-    """
+    """Return a rectangular section with rounded bilges."""
     b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
     r = float(bilge_radius)
     if not 0.0 <= r <= min(b, d):
