@@ -89,7 +89,6 @@ def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     """Open the seal of a run and return its cases with their answers.
 
     `so_far`: take a run that was stopped: the cases answered. Their order is random, so they are a fair sample.
-    InputError if there is no run, labels are not the sealed ones, or an answer is missing.
     """
     folder = Path(folder)
     if not (folder / MANIFEST).is_file():

@@ -143,8 +143,7 @@ def of_size(names: Sequence[str], body: Body, tests: Sequence[Plan], rng: np.ran
             ) -> tuple[list[Hidden], list[float]]:
     """Return causes on different motions whose force is 7 to 20 % of the restoring one, and the gap that each opens.
 
-    For bodies with so many numbers that retuning all of them takes long. SolverError if one opens less than 3 % or more
-    than 60 %.
+    For bodies with so many numbers that retuning all of them takes long.
     """
     calm = calm_runs(body, tests)
     moving = [i for i in range(len(body.dofs)) if body.C[i, i] > 0.0]

@@ -50,7 +50,6 @@ def carry_out(folder: Path, tasks: Sequence[str], executor: Executor | None = No
     """Do the tasks that are not done, each process locked out of the labels; print a line for each.
 
     Every result is a file, so a killed process or worker loses only what it had in hand, and the next call goes on.
-    RadiationError if a task has no result in the end because its process was ended twice.
     """
     folder = folder.resolve()
     left = unfinished(folder, tasks)

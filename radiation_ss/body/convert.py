@@ -92,8 +92,7 @@ def write_model(model: Model, path: str | Path) -> None:
     """Write a model as a Capytaine dataset (.nc); `read_model` gives it back.
 
     The coefficients are those that the model was made of, or of its radiation model where it was made of none; M, C,
-    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model. `path`: its name
-    ends in .nc. InputError if the name does not end in .nc or the folder does not exist.
+    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model.
     """
     import h5py
 
@@ -218,11 +217,7 @@ def opened(body: ModelLike) -> ModelLike:
 
 def _from_matrices(body: Sequence[ArrayLike], fit: RadiationFit) -> Model:
     """Return the model of (M, C, A_inf)."""
-    try:
-        count = len(body)
-    except TypeError:
-        count = 0
-    if count != 3:
+    if not hasattr(body, "__len__") or len(body) != 3:
         raise InputError(f"body: a Model, a HydroData, a ct.StateSpace, a file or the three matrices (M, C, A_inf) are "
                          f"needed, {type(body).__name__} found")
     n = len(fit.dofs)

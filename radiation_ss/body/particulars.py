@@ -196,8 +196,7 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
     A free oscillation s = pole(period, ratio) obeys s I + K(s) + C / s = -D: the imaginary part gives the missing one
     of I and C, the real part D. Without a ratio D is zero, and the ratio is that of radiation alone. `period`: of
     the oscillation [s]. `ratio`: damping ratio, 0 to 1. `K`: radiation transfer function K(s) at complex s [1/s].
-    `inertia`, `stiffness`: M + A_inf or C, one of them. InputError if radiation alone damps more than the ratio says,
-    or no ratio makes an oscillation of this period.
+    `inertia`, `stiffness`: M + A_inf or C, one of them.
     """
     def solve(ratio: float) -> tuple[float, float]:
         s = pole(period, ratio)
@@ -229,7 +228,6 @@ def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float
     """Return the damping beside radiation that makes the damping ratio of a body of known inertia and stiffness.
 
     Of s = w (-ratio + i sqrt(1 - ratio^2)) the frequency w is sought at which s I + K(s) + C / s is real: it is -D.
-    InputError if the body has no stiffness, or radiation alone damps more.
     """
     if stiffness <= 0.0:
         raise InputError("damping_ratio: a body without stiffness does not oscillate; give a stiffness, or the linear "

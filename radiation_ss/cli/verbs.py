@@ -117,8 +117,7 @@ def simulate(args: argparse.Namespace) -> None:
     record = None if args.record is None else read_records(args, [args.record], data)[0]
     body = model_of(args, data, [] if record is None else [record], predicts=True)
     with progress_bar(args, f"motion of {body.name}"):
-        predicted = (scenario(args, body) if record is None
-                     else predict_record(body, record, corrected=args.corrected))
+        predicted = scenario(args, body) if record is None else predict_record(body, record, corrected=args.corrected)
     rss.write_record(predicted, args.out)
     say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
 
@@ -223,8 +222,7 @@ def tolerance_of(text: str | None) -> float | dict[str, float]:
         raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
 
 
-def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record],
-             predicts: bool = False) -> Model:
+def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record], predicts: bool = False) -> Model:
     """Return the model of the MODEL argument's data, narrowed to the degrees of freedom asked for or measured."""
     from radiation_ss.body.convert import PREDICTION
     from radiation_ss.body.convert import model_of as model_of_file
@@ -243,8 +241,7 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
-    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order,
-                         PREDICTION if predicts else None)
+    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order, PREDICTION if predicts else None)
     args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
         args.notes += poor_fit(body.fit, body.hydro or data, args.model)

@@ -11,11 +11,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import write_rows, write_whole
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import minimal, side_by_side
+from radiation_ss.fit.rational import Realisation, minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
-from radiation_ss.hydro.readers.assemble import MSS_AXES, six_dofs, six_places
-from radiation_ss.hydro.readers.bemio import body_groups
+from radiation_ss.hydro.readers.assemble import MSS_AXES, body_groups, six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
 from radiation_ss.reading import check_size, listed, read_arrays, read_mat, texts, whole_number
 
@@ -44,8 +43,7 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
 def read_openfast(path: Path) -> RadiationFit:
     """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
 
-    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out. InputError if the
-    numbers of rows or columns do not fit the header, or all of B or C is zero.
+    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
     """
     if "SS_Excitation" in next(iter(lines(path)), ""):
         raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
@@ -66,7 +64,7 @@ def read_openfast(path: Path) -> RadiationFit:
                         method=f"read from {path.name}")
 
 
-Parts = dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]]  # a, b, c by row and column
+Parts = dict[tuple[int, int], Realisation]  # by row and column
 STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
 
 
@@ -139,7 +137,6 @@ def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
     Degrees of freedom without states are left out.
-    InputError if the file is not HDF5 or has no state_space groups.
     """
     import h5py
 

@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.problem import Problem, joint_error, scales, symmetric
-from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.rational import Realisation, frequency_response
 from radiation_ss.hydro.data import HydroData
-
-Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)

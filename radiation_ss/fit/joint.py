@@ -24,12 +24,9 @@ from radiation_ss.fit.program import finish, minimise, misfit_of, on_points, qua
 from radiation_ss.fit.rational import connected, response_of
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
 
-Start = tuple[Port, FloatArray]
-"""A form and its parameters."""
-Run = tuple[float, Port, FloatArray]
-"""Cost, form and parameters of what was found."""
-Realised = tuple[FloatArray, FloatArray, str]
-"""A, B with C = B^T, and how it was solved."""
+Start = tuple[Port, FloatArray]  # a form and its parameters
+Run = tuple[float, Port, FloatArray]  # cost, form and parameters of what was found
+Realised = tuple[FloatArray, FloatArray, str]  # A, B with C = B^T, and how it was solved
 
 
 @dataclass(frozen=True)

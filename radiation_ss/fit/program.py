@@ -27,8 +27,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
-Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
-"""theta -> residual vector, and what returns its Jacobian."""
+Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]  # of theta, and of its Jacobian
 
 
 def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:

@@ -10,9 +10,10 @@ from scipy.sparse.csgraph import connected_components
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 
+Realisation = tuple[FloatArray, FloatArray, FloatArray]  # a, b, c
 
-def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike,
-                       whole: int = 50) -> ComplexArray:
+
+def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike, whole: int = 50) -> ComplexArray:
     """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
 
     A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency. `a`, `b`,
@@ -108,8 +109,8 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray, worst: float = 1e4) -> tu
     return None if np.any(total > worst * largest) else (poles, residues)
 
 
-def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], rows: Sequence[Sequence[int]],
-                 columns: Sequence[Sequence[int]], n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def side_by_side(parts: Sequence[Realisation], rows: Sequence[Sequence[int]], columns: Sequence[Sequence[int]],
+                 n: int) -> Realisation:
     """Return the realisation of systems that share no states; `rows`, `columns`: outputs and inputs among the n."""
     a = block_diag(*[part[0] for part in parts])
     b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
@@ -126,14 +127,13 @@ def response_of(den: FloatArray, num: FloatArray, x: FloatArray) -> ComplexArray
     return np.asarray(np.polyval(num[::-1], 1j * x) / np.polyval(np.r_[1.0, den[::-1]], 1j * x))
 
 
-def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+def observer_form(den: ArrayLike, num: ArrayLike) -> Realisation:
     """Return the observer canonical form (5)-(8) of the transfer function (23).
 
     K(s) = (b_n s^(n-1) + ... + b_2 s + b_1) / (s^n + a_n s^(n-1) + ... + a_2 s + a_1)
 
     `den`, `num` (n,): (a_1, ..., a_n) and (b_1, ..., b_n), constant term first, as in the paper. Returned are a, b, c:
-    companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state. InputError if the two have
-    different lengths or are empty.
+    companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state.
     """
     alpha, beta = np.asarray(den, dtype=float).ravel(), np.asarray(num, dtype=float).ravel()
     if alpha.size == 0 or alpha.size != beta.size:
@@ -169,8 +169,7 @@ def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatAr
     return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * powers[::-1]
 
 
-def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9,
-            ) -> tuple[FloatArray, FloatArray, FloatArray]:
+def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9) -> Realisation:
     """Return a balanced realisation of a stable one, without Hankel singular values below a share `tolerance`."""
     reach = square_root(solve_continuous_lyapunov(a, -b @ b.T))
     observe = square_root(solve_continuous_lyapunov(a.T, -c.T @ c))

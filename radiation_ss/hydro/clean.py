@@ -58,12 +58,8 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         rough = roughness(data).max(axis=(1, 2))
         data = _keep(data, rough <= (0.03 if spikes is True else float(spikes)),
                      f"that leave their neighbours by up to {percent(rough.max())}")
-    if symmetric:
-        data = _symmetric(data)
-    if negative_damping:
-        data = _passive(data)
-    if A_inf:
-        data = _implied_A_inf(data)
+    for wanted, repaired in ((symmetric, _symmetric), (negative_damping, _passive), (A_inf, _implied_A_inf)):
+        data = repaired(data) if wanted else data
     return data
 
 

@@ -27,8 +27,8 @@ VARIATION = "FORCES-VARIATIONWITHWAVEPERIOD/FREQUENCY"
 FORCES, PART = "FROUDEKRYLOV+DIFFRACTION" + VARIATION, "FROUDEKRYLOV" + VARIATION
 CONSTANTS = {"depth": "WATERDEPTH", "rho": "DENSITYOFWATER", "g": "ACCELERATIONDUETOGRAVITY"}
 
+# At each frequency (0: stiffness, inf: the high one) the 6 x 6 tables by name, structure of force, of motion
 Tables = dict[float, dict[tuple[str, int, int], FloatArray]]
-"""At each frequency (0: stiffness, inf: the high one) the 6 x 6 tables by name, structure of force, of motion."""
 Point = tuple[float, ...]
 
 

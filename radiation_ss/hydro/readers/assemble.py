@@ -1,6 +1,7 @@
 """From rows as a file has them to one HydroData: order, limits, missing frequencies, clear errors."""
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.linear_waves import wave_number
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
+from radiation_ss.reading import hdf5_text
 from radiation_ss.units import check_water
 
 IntArray = NDArray[np.intp]
@@ -47,7 +49,6 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     left out, and a note says so. `X` (rows, n_dir, n). `A_inf` (n, n): a limit that the file gives apart from the rows.
     `points`: about which the rotations of each body are taken, see `common_point`; a reader that knows the one point
     gives `reference_point` instead. `notes`: what the reader had to assume or leave out. `fields`: others of HydroData.
-    InputError if a frequency is negative, NaN or there twice, or a value is NaN.
     """
     if "reference_point" not in fields:
         fields["reference_point"], more = common_point(path, dofs, points)
@@ -137,6 +138,12 @@ def common_point(path: Path | str, dofs: Sequence[str], points: Points | None) -
 def bodies(dofs: Sequence[str]) -> list[str]:
     """Return the names of the bodies in the order of their degrees of freedom."""
     return list(dict.fromkeys(body(dof) for dof in dofs))
+
+
+def body_groups(file: Any) -> tuple[list[str], list[str]]:
+    """Return the groups of the bodies in an open file of BEMIO, in order, and the names of the bodies."""
+    groups = sorted((group for group in file if re.fullmatch(r"body\d+", group)), key=lambda group: int(group[4:]))
+    return groups, [hdf5_text(file, f"{group}/properties/name") or group for group in groups]
 
 
 def _ordered(path: Path | str, omega: FloatArray) -> tuple[IntArray, FloatArray]:

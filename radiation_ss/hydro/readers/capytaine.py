@@ -47,8 +47,8 @@ def read(path: Path, **given: float) -> HydroData:
     return from_dataset(decoded(path, "netCDF dataset", whole), path, **given)
 
 
-def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
-    """Return the data of a dataset in Capytaine's form; `given`: rho, g, depth where it does not carry them."""
+def from_dataset(dataset: xr.Dataset, path: Path | str, **given: float) -> HydroData:
+    """Return the data of a dataset in Capytaine's form, called `path`; `given`: rho, g, depth that it lacks."""
     return decoded(path, "dataset of Capytaine's form", lambda: _from_dataset(dataset, path, given))
 
 
@@ -208,8 +208,7 @@ def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
     return angle
 
 
-def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
-                     ) -> tuple[tuple[float, ...], list[str]]:
+def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) -> tuple[tuple[float, ...], list[str]]:
     """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
     if (name := next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)) is None:
         return common_point(path, dofs, None)

@@ -234,8 +234,6 @@ def read_section(path: str | Path) -> Section:
     """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
 
     A unit that the header states in brackets, one of both columns or two, is converted.
-
-    InputError naming file and line, if a line does not hold two numbers or the points are no section.
     """
     entries = [(k, entry) for k, line in enumerate(lines(Path(path))) if (entry := line.split("#", 1)[0].strip())]
     rows = [(k, " ".join(cell.strip() or "(empty)" for cell in entry.split("," if "," in entry else None)))
