@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
-from radiation_ss.body.dynamics import Matrices
+from radiation_ss.body.dynamics import UNDO, Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 
@@ -117,11 +117,9 @@ def continuous(system: ct.StateSpace | ct.TransferFunction, input_scale: ArrayLi
     import control as ct
 
     system = ct.ss(system)
-    a, b, c, d = system.A, system.B, system.C, system.D
+    a, b, c, d = whole = system.A, system.B, system.C, system.D
     if system.isdtime(strict=True):
-        one, root = np.eye(a.shape[0]), np.sqrt(2.0)
-        inverse = np.linalg.inv(a + one)
-        a, b, c, d = inverse @ (a - one), root * inverse @ b, root * c @ inverse, d - c @ inverse @ b
+        a, b, c, d = UNDO["tustin"](whole, 2.0)
     u, y = scale(input_scale, d.shape[1], "input_scale"), scale(output_scale, d.shape[0], "output_scale")
     return a, b * u, c / y[:, None], d * u / y[:, None]
 

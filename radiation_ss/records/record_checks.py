@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, distinct
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
@@ -80,12 +80,7 @@ def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float 
 
 def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records with names that differ: a number is added to those that are there already."""
-    names: list[str] = []
-    for record in records:
-        name, number = record.name, 2
-        while name in names:
-            name, number = f"{record.name}_{number}", number + 1
-        names.append(name)
+    names = distinct(record.name for record in records)
     return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 

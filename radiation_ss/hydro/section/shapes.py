@@ -174,11 +174,7 @@ def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) ->
 
 def _arc(contour: Callable[[FloatArray], ComplexArray]) -> Arc:
     """Return an analytic curve as a Chebyshev series exact to rounding (so that a Section pickles)."""
-    nodes = 0.5 * (1.0 - np.cos(np.pi * (np.arange(48) + 0.5) / 48))
-    values = contour(nodes)
-    y, z = (np.array(Chebyshev.fit(nodes, part, 40, domain=[0.0, 1.0]).coef, dtype=complex)
-            for part in (values.real, values.imag))
-    series = Chebyshev(y + 1j * z, domain=[0.0, 1.0])
+    series = Chebyshev.interpolate(contour, 40, domain=[0.0, 1.0])
     return Arc(series, series.deriv())
 
 
