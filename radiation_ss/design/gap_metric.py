@@ -190,8 +190,7 @@ def hinf_norm(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, tolera
         frequencies = crossings(a, b, c, d, level)
         if frequencies.size == 0:
             return bound
-        middle = 0.5 * (frequencies[1:] + frequencies[:-1]) if frequencies.size > 1 else frequencies
-        higher = peak(a, b, c, d, np.concatenate([middle, frequencies]))
+        higher = peak(a, b, c, d, np.concatenate([0.5 * (frequencies[1:] + frequencies[:-1]), frequencies]))
         if higher <= level:
             return max(bound, higher)
         bound = higher

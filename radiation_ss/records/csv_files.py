@@ -65,20 +65,13 @@ def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
             if column.name is not None:
                 pieces.append(np.array(part))
 
-    def line_of(row: int) -> int:
-        for seen in lines:
-            if row < len(seen):
-                return seen[row]
-            row -= len(seen)
-        raise IndexError(row)
-
     whole = {}
     for column in columns:
         pieces = values.pop(0)
         if column.name is not None:
             whole[column.name] = np.concatenate(pieces or [np.zeros(0)])
             whole[column.name].setflags(write=False)  # so that a record need not copy it
-    return whole, columns, line_of, comments
+    return whole, columns, lambda row: next(islice(chain.from_iterable(lines), row, None)), comments
 
 
 def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
