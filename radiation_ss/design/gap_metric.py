@@ -206,8 +206,7 @@ def crossings(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, level:
     """Return the frequencies >= 0 where a singular value equals the level, ascending."""
     R = level**2 * np.eye(d.shape[1]) - d.T @ d
     S = level**2 * np.eye(d.shape[0]) - d @ d.T
-    lower = np.linalg.cholesky(R)
-    half = solve_triangular(lower, b.T, lower=True)  # b R^-1 b^T = half^T half
+    half = solve_triangular(np.linalg.cholesky(R), b.T, lower=True)  # b R^-1 b^T = half^T half
     drift = a + b @ np.linalg.solve(R, d.T @ c)
     hamiltonian = np.block([[drift, level * half.T @ half], [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
     values = np.linalg.eigvals(hamiltonian)

@@ -51,8 +51,7 @@ def read_openfast(path: Path) -> RadiationFit:
     enabled = row(path, 1, head[1].split("%")[0], None, "enabled degrees of freedom")
     N = index(path, 2, leading(path, 2, head[2].split("%")[0], 1, "radiation states")[0], 10_000, "number of states")
     n = len(enabled)
-    shape = [len(row) for row in rows]
-    if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
+    if n % 6 or n == 0 or [len(row) for row in rows] != [N] * N + [n] * N + [N] * n:
         raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
     names = six_dofs([""] * (n // 6))

@@ -136,7 +136,6 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
     Where more than `few` of an entry's samples are suspicious they are no outliers but the data, and count in full.
     """
     weight = np.ones(data.B.shape)
-    at = {omega: k for k, omega in enumerate(data.omega.tolist())}
     counts = Counter((suspect.force, suspect.velocity) for suspect in suspects)
     for suspect in suspects:
         if counts[suspect.force, suspect.velocity] > few * data.omega.size:
@@ -144,7 +143,7 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
         i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
         bounded = 1.0 / (1.0 + (suspect.size / tolerated) ** 2)
         share = min(least, bounded) if suspect.kind == "spike" else max(least, bounded)
-        k = at[suspect.omega]
+        k = int(np.searchsorted(data.omega, suspect.omega))
         weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
     return weight
 

@@ -201,9 +201,8 @@ def _say_price_of_points(problem: Problem, part: Realisation, order: int, option
 
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
     quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
-    full = replace(options, notes=[])
     return choices.choose_order(problem, lambda part, order: _fit(part, order, quick),
-                                lambda part, order: _fit(part, order, full))
+                                lambda part, order: _fit(part, order, replace(options, notes=[])))
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
@@ -265,8 +264,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
     near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, *np.triu_indices(problem.m)]
     options.notes.append(f"{where} not positive definite, by rounding (smallest scaled eigenvalue "
                          f"{values[at, 0]:.1g}); projected on the nearest damping that a passive model can meet")
-    K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)
-    return replace(problem, K_points=K_points)
+    return replace(problem, K_points=np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points))
 
 
 def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:

@@ -165,8 +165,7 @@ def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatAr
         markov.append(float(c[0] @ x))
         x = a @ x / rate
     num = np.convolve(den, markov)[:n]
-    powers = rate ** np.arange(n)
-    return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * powers[::-1]
+    return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * rate ** np.arange(n - 1, -1, -1)
 
 
 def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9) -> Realisation:

@@ -123,14 +123,12 @@ def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) 
 
 def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
     """Bring the forces to the rows of the radiation coefficients, which need the same frequencies; limits have none."""
-    order, inside = np.argsort(omega), (omega > 0.0) & np.isfinite(omega)
-    at = order[np.clip(np.searchsorted(omega[order], found * (1.0 - 1e-6)), 0, omega.size - 1)]
-    missed = ~np.isclose(omega[at], found, rtol=1e-6, atol=0.0)
-    if missed.any() or np.unique(at).size < at.size or not np.isin(np.flatnonzero(inside), at).all():
+    inside, same = (omega > 0.0) & np.isfinite(omega), np.isclose(omega[:, None], found, rtol=1e-6, atol=0.0)
+    if (same.sum(axis=0) != 1).any() or (same.sum(axis=1) > 1).any() or not same[inside].any(axis=1).all():
         raise InputError(f"{path}: exciting forces at {found.size} frequencies, added mass at {int(inside.sum())}, not "
                          "the same ones; a file is cut off or of another run")
     rows = np.full((omega.size, *X.shape[1:]), complex(np.nan, np.nan))
-    rows[at] = X
+    rows[same.argmax(axis=0)] = X
     return rows
 
 
