@@ -172,9 +172,7 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
 
 
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
-    """Return the largest singular value of the difference over that of the exact response, shape (nw,), after rows and
-    columns are divided by their largest value: signals of different units count alike.
-    """
+    """Return the largest singular value of the error over the exact response's, (nw,), signals of any unit alike."""
     size = np.abs(exact).max(axis=0)
     scale = np.ones_like(size)
     for axis in (1, 0, 1, 0):
@@ -192,9 +190,7 @@ def hermitian_floor(K: ComplexArray) -> float:
 
 
 def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band: float, seed: int) -> float:
-    """Return the relative rms error of the sampled response to 40 random sines up to `band` against the convolution
-    integral by the trapezoidal rule on steps of dt / 16.
-    """
+    """Return the relative rms error of the response to 40 random sines up to `band`, against the convolution."""
     from scipy.signal import dlsim, fftconvolve
 
     a, b, c, d = continuous

@@ -129,10 +129,7 @@ def natural_modes(model: Model) -> Modes:
     period, ratio = np.full(n, np.inf), np.full(n, np.nan)
     loose = statically_unstable(model.M, model.C, model.dofs)
     swinging = np.flatnonzero(poles.imag > 1e-6 * np.abs(poles))
-    if swinging.size == 0:
-        return Modes(model.dofs, period, ratio)
-    left = np.linalg.pinv(right)
-    part = np.abs(right.T * left)[swinging]
+    part = np.abs(right.T * np.linalg.pinv(right))[swinging]
     share = part[:, m:m + n] + part[:, m + n:]
     for row, dof in zip(*linear_sum_assignment(-share)):
         s = poles[swinging[row]]

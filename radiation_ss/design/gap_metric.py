@@ -148,9 +148,8 @@ def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> M
 def left_complement(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
     """Return [M~, -N~] of the normalised left factorisation P = M~^-1 N~: it annihilates the plant's own graph."""
     A, B, C, D = right_graph(a.T, c.T, b.T, d.T)  # of the transposed plant: [N~^T; M~^T]
-    n_in = d.shape[1]
-    N, M = (B.T, C.T[:, :n_in], D.T[:, :n_in]), (B.T, C.T[:, n_in:], D.T[:, n_in:])
-    return A.T, np.hstack([M[1], -N[1]]), N[0], np.hstack([M[2], -N[2]])
+    n = d.shape[1]
+    return A.T, np.hstack([C.T[:, n:], -C.T[:, :n]]), B.T, np.hstack([D.T[:, n:], -D.T[:, :n]])
 
 
 def series(second: Matrices, first: Matrices) -> Matrices:

@@ -165,10 +165,7 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
-    """Return what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
-
-    `wide`: prior standard deviation, of the model's own forces and impedance.
-    """
+    """Return what an unknown force, `wide` a priori, hides: a mean, and at each frequency what the motion scales."""
     found = [np.zeros((problem.rows.error.size, 0))]
     for place in problem.places:
         run = problem.runs[place.record]

@@ -210,10 +210,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
 
 def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
            turn: float = 1.0) -> tuple[list[ca.Function], dict[str, list[str]]]:
-    """Return the functions of the plant, and the names of their signals.
-
-    `turn`: most that the fastest pole may turn or decay in one step of the integrator [rad]; above 2.7 it diverges.
-    """
+    """Return the plant's functions, and names of its signals; `turn` [rad]: of the fastest pole a step (most 2.7)."""
     names, rate = ["t", "x", "u"], state_equations(model, effects)
     functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
     if dt is not None:

@@ -122,10 +122,7 @@ def _slowed(form: Port, theta: FloatArray, problem: Problem) -> FloatArray:
 
 
 def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool, slow: bool = False) -> Start:
-    """Return the model that is best at all samples; what more states gain at thinned ones they may lose between.
-
-    `slow`: of those without poles far beyond the band, if there are any.
-    """
+    """Return the model that is best at all samples; `slow`: of those without poles far beyond the band, if any."""
     for n in orders:
         if n not in search.known or n == orders[-1]:
             search.known[n] = _sized(problem.thinned(), n, motions, search, large)

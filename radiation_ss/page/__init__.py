@@ -120,10 +120,7 @@ def png(figure: Figure, colours: int = 32, dpi: int = 100) -> bytes:
 
 
 def fragment(item: Any, largest: int = 150_000) -> str:
-    """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one.
-
-    Notebooks keep what they show: a drawing of more than `largest` characters becomes a PNG.
-    """
+    """Return a result for a notebook: its text's first lines, and its picture, as PNG above `largest` letters."""
     html = f"<pre>{escape(brief(str(item)))}</pre>"
     try:
         figure = item.plot()

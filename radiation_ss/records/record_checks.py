@@ -57,9 +57,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
 
 
 def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> Iterator[tuple[float, int]]:
-    """Yield the lowest or highest value and its count if it recurs, and stands `far` times the range of all others,
-    `most` values or more, from them: -999.
-    """
+    """Yield value and count of an extreme that recurs, `far` times the range of `most` others or more away: -999."""
     levels, counts = np.unique(values, return_counts=True)
     for end, beside, rest in ((0, 1, levels[1:]), (-1, -2, levels[:-1])):
         if rest.size >= most and counts[end] > 1 and abs(levels[end] - levels[beside]) > far * np.ptp(rest):

@@ -163,9 +163,7 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
 
 def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
             count: int) -> tuple[FloatArray, FloatArray]:
-    """Return headings [rad] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force;
-    the Froude-Krylov part, a table above, tells which directions must be there.
-    """
+    """Return headings [rad] and rows [structure, heading, frequency, (amplitude, phase [deg]), i] of the force."""
     groups: dict[tuple[str, int], dict[float, list[list[float]]]] = {
         (name, k): {} for name in (FORCES, PART) for k in range(1, count + 1)}
     inside, name, heading, structure = False, "", None, 1

@@ -27,10 +27,7 @@ Points = Mapping[str, tuple[float, ...]]
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several.
-
-    A body without a name, '', is called by its number.
-    """
+    """Return the names of six rigid modes of each body, `body__Mode` if several; one without a name has its number."""
     if len(bodies) == 1:
         return RIGID
     names = [name or f"body{k}" for k, name in enumerate(bodies, 1)]

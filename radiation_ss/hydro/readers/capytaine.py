@@ -226,10 +226,7 @@ def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) 
 
 
 def to_dataset(data: HydroData) -> xr.Dataset:
-    """Return a dataset in Capytaine's form; everything a HydroData holds comes back the same.
-
-    The limits of the added mass become rows omega = 0 and omega = inf, where damping is 0 and no exciting force is.
-    """
+    """Return a dataset in Capytaine's form; limits of the added mass are rows omega = 0 and inf, without B and X."""
     import xarray as xr
 
     low, high = data.A_zero is not None, data.A_inf is not None

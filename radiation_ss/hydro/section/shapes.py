@@ -28,10 +28,7 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Underwater part of a section that is symmetric about the centre line; y to the side, z up from the still water.
-
-    InputError if the contour is open, leaves the water or the half plane y >= 0, or crosses itself.
-    """
+    """Underwater part of a section symmetric about the centre line; y to the side, z up from the still water."""
 
     # The half contour y >= 0, from the keel (0, -draft) to the waterline (half_breadth, 0), piece by piece [m]
     arcs: tuple[Arc, ...]
