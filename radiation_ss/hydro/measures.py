@@ -27,8 +27,7 @@ def damping_scale(data: HydroData, silence: float = 1e-5) -> tuple[FloatArray, n
     turning = np.array([motion_unit(dof) == "rad" for dof in data.dofs])
     silent = implied == 0.0
     for kind in (turning, ~turning):
-        if kind.any():
-            silent |= kind & (implied <= silence * implied[kind].max())
+        silent |= kind & (implied <= silence * implied[kind].max(initial=0.0))
     size = np.where(size > silence * implied, size, implied)
     return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
 

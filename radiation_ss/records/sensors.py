@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -227,5 +228,4 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
         for name, values in run.channels.items():
             channels[name] = np.full(time.size, np.nan)
             channels[name][place] = values
-    return Record(time, channels, kind=record.kind, name=record.name, start=record.start, meta=record.meta,
-                  speed=record.speed, units={**other.units, **record.units})
+    return replace(record, time=time, channels=channels, units={**other.units, **record.units}, file="")
