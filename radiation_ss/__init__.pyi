@@ -34,6 +34,8 @@ from radiation_ss.fit.result import RadiationFit as RadiationFit
 from radiation_ss.hydro.data import HydroData as HydroData
 from radiation_ss.hydro.files import read_hydro as read_hydro
 from radiation_ss.hydro.files import write_hydro as write_hydro
+from radiation_ss.hydro.linear_waves import encounter_frequency as encounter_frequency
+from radiation_ss.hydro.linear_waves import wave_frequencies as wave_frequencies
 from radiation_ss.hydro.section.shapes import lewis_section as lewis_section
 from radiation_ss.hydro.section.solver import section_2d as section_2d
 from radiation_ss.identification.identify import identify as identify
@@ -51,8 +53,6 @@ from radiation_ss.records.sensors import joined as joined
 from radiation_ss.simulation.driven import prescribed_force as prescribed_force
 from radiation_ss.simulation.linear import linear_response as linear_response
 from radiation_ss.simulation.run import simulate as simulate
-from radiation_ss.waves.dispersion import encounter_frequency as encounter_frequency
-from radiation_ss.waves.dispersion import wave_frequencies as wave_frequencies
 from radiation_ss.waves.force import exciting_force as exciting_force
 from radiation_ss.waves.realise import realise as realise
 from radiation_ss.waves.spectrum import Spectrum as Spectrum

@@ -1,6 +1,6 @@
 """Small helpers for frozen dataclasses that hold arrays."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +17,17 @@ V = TypeVar("V")
 def listed(given: Any) -> list[Any]:
     """Return what a collection holds; of one name, or one item that is no collection, that alone."""
     return list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+
+
+def distinct(names: Iterable[str], alike: Callable[[str], str] = str) -> list[str]:
+    """Return names with a number added to those that are there already, by what `alike` makes of them."""
+    found: dict[str, str] = {}
+    for name in names:
+        other, number = name, 2
+        while alike(other) in found:
+            other, number = f"{name}_{number}", number + 1
+        found[alike(other)] = other
+    return list(found.values())
 
 
 def read_only(values: ArrayLike, name: str, shape: Sequence[int | None], *, dtype: type = float,

@@ -69,9 +69,7 @@ def _reason(error: Exception) -> str:
 
 
 def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T], schema: str | None = None) -> T:
-    """Return build(content) of a JSON file of one object, of a schema if any; a field that stands there twice is
-    refused.
-    """
+    """Return build(content) of a JSON file of one object, of a schema if any; each field may stand there once."""
     def whole() -> T:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"), object_pairs_hook=_once)
         if not isinstance(content, dict):
@@ -189,8 +187,7 @@ def read_mat(path: Path, most: int = 1 << 30) -> dict[str, Any]:
     content = path.read_bytes()
     if content.startswith(b"MATLAB 7.3"):
         raise ValueError("MATLAB v7.3; save it with save(..., '-v7')")
-    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    if order is None:
+    if (order := {b"IM": "<", b"MI": ">"}.get(content[126:128])) is None:
         raise ValueError("no MATLAB level 5 head")
     found: dict[str, Any] = {}
     for kind, data in _elements(memoryview(content)[128:], order):

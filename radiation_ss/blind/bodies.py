@@ -137,8 +137,7 @@ def six(rng: np.random.Generator, moored: bool) -> Body:
     M = np.diag(np.concatenate([np.full(3, mass), mass * gyration**2]))
     M[0, 4] = M[4, 0] = mass * height
     M[1, 3] = M[3, 1] = -mass * height
-    rigid = np.diag(M)
-    added = rigid * rng.uniform((0.05, 0.3, 0.7, 0.1, 0.5, 0.2), (0.2, 0.8, 1.2, 0.3, 1.0, 0.5))
+    added = np.diag(M) * rng.uniform((0.05, 0.3, 0.7, 0.1, 0.5, 0.2), (0.2, 0.8, 1.2, 0.3, 1.0, 0.5))
     lean = lever(0.4 * draft * rng.uniform(-1.0, 1.0))
     A_inf = lean @ np.diag(added) @ lean.T
     C = np.zeros(6)

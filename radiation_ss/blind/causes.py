@@ -15,10 +15,7 @@ ALL = (*ANY, "motion-only")
 
 @dataclass(frozen=True)
 class Typical:
-    """Typical sizes of one degree of freedom without the cause: rms of motion, velocity, force.
-
-    `other` is the rms displacement of the other degree of freedom, 0 where there is none.
-    """
+    """Typical sizes of a degree of freedom without the cause: rms of motion, velocity, force, and of the `other`."""
 
     x: float
     v: float
@@ -124,12 +121,8 @@ CAUSES: Mapping[str, Cause] = {**STRUCTURE, **CONFOUNDED, **PARAMETER, **OUTSIDE
 
 def candidates(group: str, kind: str, body: str) -> list[str]:
     """Return the causes of a class of case that a set of records of a body can show."""
-    if group == "single":
-        pool = {**STRUCTURE, **CONFOUNDED, **PARAMETER}
-    elif group in ("pair", "triple"):
-        pool = STRUCTURE
-    else:
-        pool = {"outside": OUTSIDE, "formula": FORMULA}[group]
+    pool = {"single": {**STRUCTURE, **CONFOUNDED, **PARAMETER}, "pair": STRUCTURE, "triple": STRUCTURE,
+            "outside": OUTSIDE, "formula": FORMULA}[group]
     if kind == "motion-only" and group != "single":
         return []
     if body.startswith("six"):

@@ -80,8 +80,7 @@ def sea(plan: Plan, body: Body, time: FloatArray, after: float = 4.0) -> tuple[F
 
 
 @lru_cache(maxsize=4)
-def components(peak: float, height: float, seed: int, count: int, dt: float,
-               ) -> tuple[ComplexArray, ComplexArray]:
+def components(peak: float, height: float, seed: int, count: int, dt: float) -> tuple[ComplexArray, ComplexArray]:
     """Return complex amplitudes and the ramped exp(iwt) of a sea's components, shape (nw, nt)."""
     rng = np.random.default_rng(seed)
     time = np.arange(count) * dt

@@ -95,10 +95,7 @@ def make(seed: np.random.SeedSequence, group: str, body_kind: str, kind: str, dr
 
 
 def mix_of(text: str) -> dict[str, float]:
-    """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'.
-
-    InputError if a class or mix is unknown or the shares do not add up to 1.
-    """
+    """Return the shares of the classes: of a mix by its name, or of 'none=.5,single=.5'."""
     if text in MIXES:
         return dict(MIXES[text])
     known = f"use {', '.join(MIXES)}, or shares of {', '.join(MIX)} that add up to 1 (none=.5,single=.5)"
@@ -139,35 +136,16 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
              drift: float | None = None) -> Sealed:
     """Write sealed cases; the labels in another folder, their SHA-256 beside the cases.
 
-    Parameters
-    ----------
-    folder : path
-        Gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the unseen
-        test's motion.
-    seed : int, optional
-        Fresh from the operating system if not given; kept under the seal.
-    kinds : sequence of str
-        Sets of records: decays, decays+waves, waves, elevation, motion-only.
-    groups : sequence of str, optional
-        Classes of cases, in turn; by default by the shares of `mix`.
-    bodies : sequence of str, optional
-        heave, sway-roll, roll, six-free, six-moored in turn; by default drawn by `SHARES`.
-    mix : str
-        "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
-    drift : float, optional
-        By which share of the motion the zero of every displacement sensor wanders; in three of ten cases, by up to 2 %,
-        if not given.
-
-    Raises
-    ------
-    InputError
-        If the folder holds a whole run already, or one was begun there with other settings.
+    `folder` gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the
+    unseen test's motion. `seed`: fresh from the system if not given, kept under the seal. `kinds`: sets of records.
+    `groups`: classes of cases, in turn; by default by the shares of `mix`: "standard", "nulls" (nothing is hidden) or
+    as `mix_of` has them. `bodies`: of `BODIES`, in turn; by default drawn by `SHARES`. `drift`: share of the motion by
+    which the zero of every displacement sensor wanders; if not given, up to 2 % in three of ten cases.
     """
     folder = Path(folder)
     if (folder / MANIFEST).exists():
         raise InputError(f"{folder}: holds a blind run already; opened cases are no blind check any more")
-    unknown = sorted(set(kinds) - set(ALL))
-    if unknown:
+    if unknown := sorted(set(kinds) - set(ALL)):
         raise InputError(f"kinds: {unknown[0]!r} is unknown; use {', '.join(ALL)}")
     schedule(cases, np.random.default_rng(0), kinds, groups, bodies, mix)       # refused before anything is written
     sealed = sealed_folder(folder)

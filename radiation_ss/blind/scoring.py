@@ -178,8 +178,7 @@ def report(cases: Sequence[Scored]) -> str:
     for title, some in parts:
         rows = [str(row) for row in table(some) if row.count]
         text.append("\n".join([f"### {title} ({len(some)} cases)", "", head, *rows, ""]))
-    seconds = np.array([c.seconds for c in cases if np.isfinite(c.seconds)])
-    if seconds.size:
+    if (seconds := np.array([c.seconds for c in cases if np.isfinite(c.seconds)])).size:
         text.append(f"Processor seconds a diagnosis: median {np.median(seconds):.1f}, largest {seconds.max():.1f}.\n")
     return "\n".join(text)
 
@@ -205,8 +204,7 @@ def score(folder: str | Path, *others: str | Path, oracle: bool = False, so_far:
 
     `others`: runs to be scored together with it. `oracle`: diagnose the cases with one library effect once more, told
     its name: what the unseen gap is compared with; these diagnoses are spread over the `executor`, as those of `run`.
-    `so_far`: score the cases answered of a run that was stopped. InputError if there is no run, an answer is missing,
-    or the labels are not those that were sealed.
+    `so_far`: score the cases answered of a run that was stopped.
     """
     folder, runs = Path(folder), [Path(run) for run in (folder, *others)]
     if oracle:

@@ -89,7 +89,6 @@ def read_run(folder: str | Path, *, so_far: bool = False) -> list[Scored]:
     """Open the seal of a run and return its cases with their answers.
 
     `so_far`: take a run that was stopped: the cases answered. Their order is random, so they are a fair sample.
-    InputError if there is no run, labels are not the sealed ones, or an answer is missing.
     """
     folder = Path(folder)
     if not (folder / MANIFEST).is_file():
@@ -139,10 +138,7 @@ def write_seal(folder: Path, labels: list[dict[str, Any]]) -> str:
 
 
 def open_seal(folder: Path, digest: str) -> list[dict[str, Any]]:
-    """Return the labels.
-
-    InputError if the labels are absent or not those that were sealed.
-    """
+    """Return the labels, which must be those that were sealed."""
     path = folder / LABELS
     if not path.is_file():
         raise InputError(f"{path}: no such file; the labels of a blind run lie there")
@@ -153,10 +149,7 @@ def open_seal(folder: Path, digest: str) -> list[dict[str, Any]]:
 
 
 def lock_out(folder: Path) -> None:
-    """Make this process unable to read below a folder, or to start another process that could; for good.
-
-    A Python audit hook cannot be removed once it is set.
-    """
+    """Make this process unable, for good, to read below a folder, or to start another process that could."""
     sealed = str(folder.resolve())
 
     def hook(event: str, arguments: tuple[Any, ...]) -> None:

@@ -37,10 +37,7 @@ def stacked(runs: Sequence[Run], calm: Sequence[Run], tests: Sequence[Plan]) -> 
 
 
 def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run], spread: float = 0.5) -> FloatArray:
-    """Return what one tolerance of each nominal number, and the spread of each start, change in the motion.
-
-    The diagnosis does not know the start: its relative spread is `spread`.
-    """
+    """Return what one tolerance of each nominal number, and `spread` of each unknown start, change in the motion."""
     n, dt, more = len(body.dofs), float(calm[0].time[1]), 1.0 + TOLERANCE
     at = [1.0 + TOLERANCE * np.diag(row) for row in np.eye(n)]
     bodies = [replace(body, **{name: getattr(body, name) * at[i]}) for i in range(n) for name in ("M", "C")]
@@ -59,10 +56,7 @@ def retunings(body: Body, tests: Sequence[Plan], calm: Sequence[Run], spread: fl
 
 
 def left_after(change: FloatArray, columns: FloatArray, farthest: float = 2.0, noise: float = 0.01) -> float:
-    """Return the gap that is left of a change of motion after retuning, by at most `farthest` tolerances.
-
-    `noise`, a share of the rms, weighs the motion against the tolerances.
-    """
+    """Return the gap left of a change of motion, with its noise, after retuning by `farthest` tolerances."""
     weight = noise / np.sqrt(change.size)
     rows = np.concatenate([columns / weight, np.eye(columns.shape[1])])
     right = np.concatenate([change / weight, np.zeros(columns.shape[1])])
@@ -85,10 +79,7 @@ def typical(runs: Sequence[Run], body: Body, dof: int) -> Typical:
 
 def at_gap(item: Hidden, target: float, body: Body, tests: Sequence[Plan], calm: Sequence[Run],
            columns: FloatArray) -> tuple[Hidden, float]:
-    """Return the cause at the strength that leaves the wanted gap after retuning, and the gap reached.
-
-    SolverError if no strength gives the gap within a factor of 1.5.
-    """
+    """Return the cause at the strength that leaves the wanted gap after retuning, and the gap, within a factor 1.5."""
     weak, strong = 0.0, np.inf
     for _ in range(9):
         gap = left(item, body, tests, calm, columns)
@@ -127,10 +118,7 @@ def calm_runs(body: Body, tests: Sequence[Plan]) -> list[Run]:
 
 def hide(names: Sequence[str], body: Body, tests: Sequence[Plan], target: float, rng: np.random.Generator,
          ) -> tuple[list[Hidden], list[float]]:
-    """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps.
-
-    SolverError if no strength does, or one beyond what a body can be off by.
-    """
+    """Return causes at strengths that leave the wanted gap after retuning, each by itself, and those gaps."""
     calm = calm_runs(body, tests)
     columns = retunings(body, tests, calm) if names else np.zeros((1, 1))
     found, gaps = [], []
@@ -155,8 +143,7 @@ def of_size(names: Sequence[str], body: Body, tests: Sequence[Plan], rng: np.ran
             ) -> tuple[list[Hidden], list[float]]:
     """Return causes on different motions whose force is 7 to 20 % of the restoring one, and the gap that each opens.
 
-    For bodies with so many numbers that retuning all of them takes long. SolverError if one opens less than 3 % or more
-    than 60 %.
+    For bodies with so many numbers that retuning all of them takes long.
     """
     calm = calm_runs(body, tests)
     moving = [i for i in range(len(body.dofs)) if body.C[i, i] > 0.0]

@@ -34,10 +34,7 @@ THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THR
 
 
 def in_own_process(folder: Path, tasks: Sequence[str], attempt: int) -> str:
-    """Do some tasks in a new process, which ends when this one does; return what it said.
-
-    `attempt` makes a second attempt another call for executors that remember calls.
-    """
+    """Do tasks in a process that ends with this one; return what it said. `attempt`: for caching executors."""
     command = [sys.executable, "-c", WORKER, str(folder), *tasks, "--attached"]
     environment = {**os.environ, **THREADS, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     pipe = subprocess.PIPE
@@ -50,7 +47,6 @@ def carry_out(folder: Path, tasks: Sequence[str], executor: Executor | None = No
     """Do the tasks that are not done, each process locked out of the labels; print a line for each.
 
     Every result is a file, so a killed process or worker loses only what it had in hand, and the next call goes on.
-    RadiationError if a task has no result in the end because its process was ended twice.
     """
     folder = folder.resolve()
     left = unfinished(folder, tasks)

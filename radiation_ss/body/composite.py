@@ -78,8 +78,7 @@ def signal_names(dofs: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...
         alike = [dof for dof in dofs if signal(dof) == twice[0]]
         raise InputError(f"degrees of freedom {' and '.join(alike)} would both be the signal {twice[0]!r}: names have "
                          "to differ by more than case, blanks, dots and underscores")
-    return (tuple(f"{s}_force" for s in stems),
-            tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems))
+    return tuple(f"{s}_force" for s in stems), tuple(s + tail for tail in ("", "_vel", "_acc") for s in stems)
 
 
 def system_matrices(model: Model) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -92,8 +92,7 @@ def write_model(model: Model, path: str | Path) -> None:
     """Write a model as a Capytaine dataset (.nc); `read_model` gives it back.
 
     The coefficients are those that the model was made of, or of its radiation model where it was made of none; M, C,
-    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model. `path`: its name
-    ends in .nc. InputError if the name does not end in .nc or the folder does not exist.
+    A_inf and D are the model's. The group `radiation_ss` holds name, tolerances and radiation model.
     """
     import h5py
 
@@ -218,11 +217,7 @@ def opened(body: ModelLike) -> ModelLike:
 
 def _from_matrices(body: Sequence[ArrayLike], fit: RadiationFit) -> Model:
     """Return the model of (M, C, A_inf)."""
-    try:
-        count = len(body)
-    except TypeError:
-        count = 0
-    if count != 3:
+    if not hasattr(body, "__len__") or len(body) != 3:
         raise InputError(f"body: a Model, a HydroData, a ct.StateSpace, a file or the three matrices (M, C, A_inf) are "
                          f"needed, {type(body).__name__} found")
     n = len(fit.dofs)
@@ -276,13 +271,11 @@ def _motion(system: ct.StateSpace, name: str) -> tuple[FloatArray, FloatArray, F
     """Return (F, G) of the continuous system, rows of displacement and velocity, degrees of freedom; all checked."""
     if not hasattr(system, "A"):
         raise InputError(f"{name}: {type(system).__name__} found; a ct.StateSpace, signals as `cummins`, is needed")
-    strange = [label for label in system.input_labels if not label.endswith("_force")]
-    if strange:
+    if strange := [label for label in system.input_labels if not label.endswith("_force")]:
         raise InputError(f"{name}: input {strange[0]!r}; inputs <dof>_force are needed, as those of `cummins`")
     stems = [label.removesuffix("_force") for label in system.input_labels]
     outputs = list(system.output_labels)
-    absent = [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]
-    if absent:
+    if absent := [s for stem in stems for s in (stem, f"{stem}_vel") if s not in outputs]:
         raise InputError(f"{name}: output {absent[0]!r} is missing; it has {', '.join(outputs)}")
     at = [outputs.index(stem) for stem in stems], [outputs.index(f"{stem}_vel") for stem in stems]
     F, G, H, J = (np.asarray(part, float) for part in (system.A, system.B, system.C, system.D))

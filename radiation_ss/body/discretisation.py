@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 METHODS = ("foh", "zoh", "tustin")
 FINE = 16  # fine steps of the convolution in one time step
-AT_ONE = 1e-5  # a double pole at z = 1 is found as far off as the root of the rounding error
 LONGEST = 4000  # time steps of the comparison with the convolution
 
 
@@ -60,9 +59,8 @@ class Sampled(Brief):
     @property
     def drifts(self) -> bool:
         """Not stable, but only by poles at z = 1: what has no restoring, as a free body in Surge, rests anywhere."""
-        poles = np.linalg.eigvals(self.A)
-        outside = poles[np.abs(poles) >= 1.0 - AT_ONE]
-        return not self.stable and bool(np.all(np.abs(outside - 1.0) < AT_ONE))
+        poles, off = np.linalg.eigvals(self.A), 1e-5  # a double pole is found as far off as the root of the rounding
+        return not self.stable and bool(np.all(np.abs(poles[np.abs(poles) >= 1.0 - off] - 1.0) < off))
 
     @property
     def passive(self) -> bool | None:
@@ -174,9 +172,7 @@ def sampled(plant: "Model | RadiationFit | ct.StateSpace", dt: float, method: st
 
 
 def relative_error(exact: ComplexArray, found: ComplexArray) -> FloatArray:
-    """Return the largest singular value of the difference over that of the exact response, shape (nw,), after rows and
-    columns are divided by their largest value: signals of different units count alike.
-    """
+    """Return the largest singular value of the error over the exact response's, (nw,), signals of any unit alike."""
     size = np.abs(exact).max(axis=0)
     scale = np.ones_like(size)
     for axis in (1, 0, 1, 0):
@@ -194,9 +190,7 @@ def hermitian_floor(K: ComplexArray) -> float:
 
 
 def convolution_error(continuous: Matrices, discrete: Matrices, dt: float, band: float, seed: int) -> float:
-    """Return the relative rms error of the sampled response to 40 random sines up to `band` against the convolution
-    integral by the trapezoidal rule on steps of dt / 16.
-    """
+    """Return the relative rms error of the response to 40 random sines up to `band`, against the convolution."""
     from scipy.signal import dlsim, fftconvolve
 
     a, b, c, d = continuous

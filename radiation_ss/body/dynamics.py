@@ -129,10 +129,7 @@ def natural_modes(model: Model) -> Modes:
     period, ratio = np.full(n, np.inf), np.full(n, np.nan)
     loose = statically_unstable(model.M, model.C, model.dofs)
     swinging = np.flatnonzero(poles.imag > 1e-6 * np.abs(poles))
-    if swinging.size == 0:
-        return Modes(model.dofs, period, ratio)
-    left = np.linalg.pinv(right)
-    part = np.abs(right.T * left)[swinging]
+    part = np.abs(right.T * np.linalg.pinv(right))[swinging]
     share = part[:, m:m + n] + part[:, m + n:]
     for row, dof in zip(*linear_sum_assignment(-share)):
         s = poles[swinging[row]]
@@ -170,10 +167,7 @@ def text(model: Model, most: int = 6) -> str:
 
 def from_hydro(data: HydroData, fit: RadiationFit | None, dofs: Sequence[str] | None, order: int | None,
                accuracy: float | None, options: dict[str, object], own: bool = False) -> Model:
-    """Return the model of data with inertia and hydrostatics; see `Model.from_hydro`.
-
-    `own`: the fit is known to be of these data.
-    """
+    """Return the model of data with M and C, see `Model.from_hydro`; `own`: the fit is known to be of these data."""
     if fit is not None and not isinstance(fit, RadiationFit):
         raise InputError(f"fit: a RadiationFit is needed, {type(fit).__name__} found (order=2 makes one of order 2)")
     if fit is not None and (order is not None or options):

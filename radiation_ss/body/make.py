@@ -171,8 +171,7 @@ def _matrices(p: Particulars, data: HydroData | None, fit: RadiationFit | None) 
 
 def _inertia_matrix(p: Particulars, data: HydroData | None) -> FloatArray:
     """Return the rigid-body mass matrix about the reference point of the data."""
-    own = [dof for dof in p.dof if mode(dof) not in RIGID]
-    if own:
+    if own := [dof for dof in p.dof if mode(dof) not in RIGID]:
         raise InputError(f"mass: does not tell how {own[0]} is coupled to the other motions; leave it out if the "
                          "radiation's file has the inertia, or make a Model of its matrices")
     masses = {p.of("mass", dof) for dof in p.dof}

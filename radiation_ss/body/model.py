@@ -217,10 +217,7 @@ class Model(Shown):
 
 def checked_tolerance(given: float | Mapping[str, float], names: Collection[str] = TOLERANCES, *,
                       exact: bool = False) -> FrozenMap[str, float]:
-    """Return relative tolerances by name, or one number for all names; `exact`: one may be 0.
-
-    InputError if a name is unknown or a tolerance is not positive and below 1.
-    """
+    """Return relative tolerances by name, or one number for all names; `exact`: one may be 0."""
     given = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
     for name, value in given.items():
         if name not in names:
@@ -247,8 +244,7 @@ def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[s
     if value is None:
         return np.zeros((n, n))
     if isinstance(value, Mapping):
-        unknown = [dof for dof in value if dof not in dofs]
-        if unknown:
+        if unknown := [dof for dof in value if dof not in dofs]:
             raise InputError(f"{label}: degree of freedom {unknown[0]!r} is not among {list(dofs)}")
         value = np.diag(read_only([value.get(dof, 0.0) for dof in dofs], label, (n,)))
     return read_only(np.atleast_2d(value), label, (n, n))

@@ -80,8 +80,7 @@ class Particulars:
                                  "numbers are in SI (kg, m, s), motions of a rigid body in m and rad")
         object.__setattr__(self, "dof", tuple(dofs))
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
-            value = getattr(self, name)
-            if value is not None:
+            if (value := getattr(self, name)) is not None:
                 self._check(name, value)
 
     def _check(self, name: str, value: Any) -> None:
@@ -152,8 +151,7 @@ class Particulars:
 def particulars(given: Mapping[str, Any]) -> Particulars:
     """Return the particulars of keywords; InputError names those that there are."""
     names = [f.name for f in fields(Particulars)]
-    unknown = [name for name in given if name not in names]
-    if unknown:
+    if unknown := [name for name in given if name not in names]:
         near = [name for name in names if name.lower() == ELSEWHERE.get(unknown[0], unknown[0]).lower()]
         hint = f"; did you mean {near[0]}?" if near else f"; use {', '.join(names)}"
         raise InputError(f"body: {unknown[0]!r} is unknown{hint}")
@@ -198,8 +196,7 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
     A free oscillation s = pole(period, ratio) obeys s I + K(s) + C / s = -D: the imaginary part gives the missing one
     of I and C, the real part D. Without a ratio D is zero, and the ratio is that of radiation alone. `period`: of
     the oscillation [s]. `ratio`: damping ratio, 0 to 1. `K`: radiation transfer function K(s) at complex s [1/s].
-    `inertia`, `stiffness`: M + A_inf or C, one of them. InputError if radiation alone damps more than the ratio says,
-    or no ratio makes an oscillation of this period.
+    `inertia`, `stiffness`: M + A_inf or C, one of them.
     """
     def solve(ratio: float) -> tuple[float, float]:
         s = pole(period, ratio)
@@ -231,7 +228,6 @@ def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float
     """Return the damping beside radiation that makes the damping ratio of a body of known inertia and stiffness.
 
     Of s = w (-ratio + i sqrt(1 - ratio^2)) the frequency w is sought at which s I + K(s) + C / s is real: it is -D.
-    InputError if the body has no stiffness, or radiation alone damps more.
     """
     if stiffness <= 0.0:
         raise InputError("damping_ratio: a body without stiffness does not oscillate; give a stiffness, or the linear "

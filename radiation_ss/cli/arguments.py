@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-import radiation_ss.cli.verbs as verbs
 from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, show, warn
 from radiation_ss.cli.scenario import USUAL_DECAY, USUAL_SEA
+from radiation_ss.methods import later
 from radiation_ss.records.record import KINDS
 
-Verb = Callable[[argparse.Namespace], None]
 Maker = Callable[..., argparse.ArgumentParser]
 
 HYDRO = """\
@@ -23,6 +22,14 @@ MODEL: a Capytaine .nc file with inertia_matrix and hydrostatic_stiffness; --fit
 FIT.json instead of fitting it."""
 RECORD = "RECORD: a CSV file with the columns time [s], Heave [m], Heave_force [N], wave_elevation [m] ..."
 STATUS = "Exit status: 0 done; 2 bad input, one line says what and where; 1 an internal error; 130 after Ctrl-C."
+# Numbers of `model`: name, unit, meaning
+MODEL_NUMBERS = (
+    ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
+    ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
+    ("period", "S", "period of a free decay"), ("damping-ratio", "Z", "damping ratio of a free decay (0.05 is 5 %%)"),
+    ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
+    ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
+    ("depth", "M", "water depth for --section (deep)"))
 BASH = """\
 _radiation_ss() {{
   local words cur=${{COMP_WORDS[COMP_CWORD]}}
@@ -74,17 +81,17 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=__version__)
     made = top.add_subparsers(title="verbs", metavar="VERB", required=True, dest="verb")
 
-    def verb(name: str, action: Verb, summary: str, description: str, *files: str) -> argparse.ArgumentParser:
+    def verb(name: str, summary: str, description: str, *files: str) -> argparse.ArgumentParser:
         one = made.add_parser(name, help=summary, description=description, epilog="\n".join([*files, STATUS]),
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-        one.set_defaults(action=action)
+        one.set_defaults(action=partial(later, f"cli.verbs:{name}"))
         one.add_argument("--json", action="store_true", help="print the result as JSON and nothing else")
         loud = one.add_mutually_exclusive_group()
         loud.add_argument("--verbose", action="store_true", help="say what is being done")
         loud.add_argument("--quiet", action="store_true", help="no notes, warnings or progress")
         return one
 
-    demo = verb("demo", verbs.demo, "a tank test, start to end, with a page to look at",
+    demo = verb("demo", "a tank test, start to end, with a page to look at",
                 "Section solver, passive fit, 30 s of waves, dual filter, spectral estimate, and the diagnosis of an\n"
                 "effect that the model does not have. Writes OUT/report.html.")
     demo.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder to write (default: demo)")
@@ -92,24 +99,24 @@ def parser() -> argparse.ArgumentParser:
     add_hydro_verbs(verb)
     add_record_verbs(verb)
     add_diagnosis_verbs(verb)
-    add_blind(verb("blind", verbs.blind, "the withheld check: sealed cases, diagnosed, then scored",
+    add_blind(verb("blind", "the withheld check: sealed cases, diagnosed, then scored",
                    "Effects are hidden in simulated records by an independent integrator; labels stay sealed."))
-    completion = verb("completion", lambda args: show(script(top, args.shell)),
-                      "a script that completes words in the shell",
+    completion = verb("completion", "a script that completes words in the shell",
                       'Prints the script; put  eval "$(radiation-ss completion bash)"  into ~/.bashrc, zsh: ~/.zshrc.')
+    completion.set_defaults(action=lambda args: show(script(top, args.shell)))
     completion.add_argument("shell", choices=("bash", "zsh"))
     return top
 
 
 def add_hydro_verbs(verb: Maker) -> None:
     """Add the verbs that work on hydrodynamic data, and the one that makes a model from a few numbers."""
-    check = verb("check", verbs.check, "quality of hydrodynamic data",
+    check = verb("check", "quality of hydrodynamic data",
                  "Negative or indefinite damping, asymmetry, Kramers-Kronig residual, outliers, tail, missing A_inf.",
                  HYDRO)
     hydro_argument(check)
     check.add_argument("--out", type=Path, metavar="PICTURE", help="also draw the check into this .png or .svg")
 
-    fit = verb("fit", verbs.fit, "a stable, passive radiation model",
+    fit = verb("fit", "a stable, passive radiation model",
                "Fits K(iw) = B + iw(A - A_inf) and writes FIT.json (or .ss for OpenFAST, .h5, .mat).", HYDRO)
     hydro_argument(fit)
     fit.add_argument("--order", type=int, metavar="N", help="order; chosen and explained if not given")
@@ -120,17 +127,17 @@ def add_hydro_verbs(verb: Maker) -> None:
     fit.add_argument("--dofs", nargs="+", metavar="DOF", help="only these degrees of freedom")
     fit.add_argument("--out", type=Path, required=True, metavar="FIT.json")
 
-    audit = verb("audit", verbs.audit, "score another radiation model",
+    audit = verb("audit", "score another radiation model",
                  "Stability, passivity, margin and error of a radiation model against HYDRO.", HYDRO)
     hydro_argument(audit)
     audit.add_argument("radiation_model", type=Path, metavar="MODEL",
                        help="the radiation model to score: FIT.json, OpenFAST .ss, BEMIO .h5 or .mat")
 
-    model = verb("model", verbs.model, "a model from what a decay or an inclining test gives",
+    model = verb("model", "a model from what a decay or an inclining test gives",
                  "Mass, stiffness, period and damping ratio of one degree of freedom, or a section's offsets with the\n"
                  "length of the body. Writes MODEL.nc and prints the model.", HYDRO)
     model.add_argument("--dof", metavar="DOF", help="Surge, Sway, Heave, Roll, Pitch or Yaw; flap=rad, of your own")
-    for name, unit, what in verbs.MODEL_NUMBERS:
+    for name, unit, what in MODEL_NUMBERS:
         model.add_argument(f"--{name}", type=float, metavar=unit, help=what)
     model.add_argument("--radiation", type=Path, metavar="HYDRO", help="radiation from a hydrodynamic file")
     model.add_argument("--section", type=Path, metavar="OFFSETS", help="offsets y, z [m] of a section; needs --length")
@@ -142,7 +149,7 @@ def add_hydro_verbs(verb: Maker) -> None:
 
 def add_record_verbs(verb: Maker) -> None:
     """Add the verbs that simulate and identify."""
-    simulate = verb("simulate", verbs.simulate, "motion under a record's force and start, in a sea, or in a decay",
+    simulate = verb("simulate", "motion under a record's force and start, in a sea, or in a decay",
                     "Predicts the record's motion; without a record that in a sea (--sea) or a decay (--decay).",
                     MODEL, RECORD)
     model_argument(simulate)
@@ -163,7 +170,7 @@ def add_record_verbs(verb: Maker) -> None:
     simulate.add_argument("--corrected", type=Path, metavar="C.json", help="corrected.json written by diagnose")
     simulate.add_argument("--out", type=Path, required=True, metavar="PRED.csv")
 
-    identify = verb("identify", verbs.identify, "added mass, damping and wave force from motion, with bands",
+    identify = verb("identify", "added mass, damping and wave force from motion, with bands",
                     "Writes identify.json, a CSV of each force that is estimated, and pictures.", MODEL, RECORD)
     model_argument(identify)
     record_options(identify)
@@ -184,7 +191,7 @@ def add_record_verbs(verb: Maker) -> None:
 
 def add_diagnosis_verbs(verb: Maker) -> None:
     """Add the verbs that plan tests and diagnose."""
-    plan = verb("plan", verbs.plan, "which tests to do, before any is done",
+    plan = verb("plan", "which tests to do, before any is done",
                 "Runs the model through a menu of standard tests and chooses those that show most effects and tell\n"
                 "most of them apart; says what stays inseparable, and why. With --out writes plan.json and plan.png.",
                 MODEL)
@@ -197,7 +204,7 @@ def add_diagnosis_verbs(verb: Maker) -> None:
     tolerance_argument(plan)
     plan.add_argument("--out", type=Path, metavar="DIR")
 
-    diagnose = verb("diagnose", verbs.diagnose, "why model and measurement differ, and how far the gap shrinks",
+    diagnose = verb("diagnose", "why model and measurement differ, and how far the gap shrinks",
                     "Writes report.json, report.html and corrected.json.", MODEL, RECORD)
     model_argument(diagnose)
     record_options(diagnose)

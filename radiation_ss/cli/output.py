@@ -187,10 +187,7 @@ class Interrupts:
 
 @contextmanager
 def interrupts(program: bool) -> Iterator[Interrupts]:
-    """Watch for Ctrl-C inside the block; not in a thread, nor where the caller has a handler.
-
-    After the block a `program` is at its end, where Ctrl-C has nothing to stop and is ignored.
-    """
+    """Watch for Ctrl-C in the block, not in a thread nor where the caller does; at its end a `program` ignores it."""
     watch, hook = Interrupts(), sys.unraisablehook
     if (current_thread() is not main_thread()
             or signal.getsignal(signal.SIGINT) is not signal.default_int_handler):

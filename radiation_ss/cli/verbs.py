@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,15 +24,6 @@ if TYPE_CHECKING:
     from radiation_ss.fit.result import RadiationFit
     from radiation_ss.hydro.data import HydroData
     from radiation_ss.records.record import Record
-
-# Numbers of `model`: name, unit, meaning; hyphens become underscores, but for those that `particulars` name otherwise.
-MODEL_NUMBERS = (
-    ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
-    ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
-    ("period", "S", "period of a free decay"), ("damping-ratio", "Z", "damping ratio of a free decay (0.05 is 5 %%)"),
-    ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
-    ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),
-    ("depth", "M", "water depth for --section (deep)"))
 
 
 def demo(args: argparse.Namespace) -> None:
@@ -73,12 +65,12 @@ def fit(args: argparse.Namespace) -> None:
 
 def model(args: argparse.Namespace) -> None:
     """Make a model from a few numbers and write it."""
-    from radiation_ss.body.particulars import ELSEWHERE
+    from radiation_ss.body.particulars import ELSEWHERE, Particulars
 
     check_file(args.out)
-    words = [name.replace("-", "_") for name, _, _ in MODEL_NUMBERS]
-    numbers = {ELSEWHERE.get(word, word): getattr(args, word) for word in ["dof", *words, "radiation", "section"]
-               if getattr(args, word) is not None}
+    words = {*ELSEWHERE, *(field.name for field in fields(Particulars)), "radiation", "section", "length", "depth"}
+    numbers = {ELSEWHERE.get(word, word): value for word, value in vars(args).items()
+               if word in words and value is not None}
     if args.dof is not None:
         numbers["dof"], _, unit = args.dof.partition("=")
         numbers["units"] = {numbers["dof"]: unit} if unit else {}
@@ -117,8 +109,7 @@ def simulate(args: argparse.Namespace) -> None:
     record = None if args.record is None else read_records(args, [args.record], data)[0]
     body = model_of(args, data, [] if record is None else [record], predicts=True)
     with progress_bar(args, f"motion of {body.name}"):
-        predicted = (scenario(args, body) if record is None
-                     else predict_record(body, record, corrected=args.corrected))
+        predicted = scenario(args, body) if record is None else predict_record(body, record, corrected=args.corrected)
     rss.write_record(predicted, args.out)
     say(args, {"out": str(args.out), "samples": int(predicted.time.size)}, f"written: {args.out}")
 
@@ -223,8 +214,7 @@ def tolerance_of(text: str | None) -> float | dict[str, float]:
         raise InputError(f"--tolerance {text}: not understood; write 0.02, or kernel=0.1,force=0.05") from None
 
 
-def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record],
-             predicts: bool = False) -> Model:
+def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record], predicts: bool = False) -> Model:
     """Return the model of the MODEL argument's data, narrowed to the degrees of freedom asked for or measured."""
     from radiation_ss.body.convert import PREDICTION
     from radiation_ss.body.convert import model_of as model_of_file
@@ -243,8 +233,7 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")
-    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order,
-                         PREDICTION if predicts else None)
+    body = model_of_file(data, Path(args.model), args.fit, dofs, args.order, PREDICTION if predicts else None)
     args.notes += [f"{args.model}: {note}" for note in (body.hydro or data).notes[len(data.notes):]]
     if args.fit is None:
         args.notes += poor_fit(body.fit, body.hydro or data, args.model)

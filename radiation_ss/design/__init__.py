@@ -2,6 +2,4 @@
 
 from radiation_ss.methods import door
 
-__getattr__, __all__ = door(__name__, {
-    "gap_metric": "hinf_norm",
-})
+__getattr__, __all__ = door(__name__, {"gap_metric": "hinf_norm"})

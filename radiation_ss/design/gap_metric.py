@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
-from radiation_ss.body.dynamics import Matrices
+from radiation_ss.body.dynamics import UNDO, Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 
@@ -117,11 +117,9 @@ def continuous(system: ct.StateSpace | ct.TransferFunction, input_scale: ArrayLi
     import control as ct
 
     system = ct.ss(system)
-    a, b, c, d = system.A, system.B, system.C, system.D
+    a, b, c, d = whole = system.A, system.B, system.C, system.D
     if system.isdtime(strict=True):
-        one, root = np.eye(a.shape[0]), np.sqrt(2.0)
-        inverse = np.linalg.inv(a + one)
-        a, b, c, d = inverse @ (a - one), root * inverse @ b, root * c @ inverse, d - c @ inverse @ b
+        a, b, c, d = UNDO["tustin"](whole, 2.0)
     u, y = scale(input_scale, d.shape[1], "input_scale"), scale(output_scale, d.shape[0], "output_scale")
     return a, b * u, c / y[:, None], d * u / y[:, None]
 
@@ -150,9 +148,8 @@ def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> M
 def left_complement(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
     """Return [M~, -N~] of the normalised left factorisation P = M~^-1 N~: it annihilates the plant's own graph."""
     A, B, C, D = right_graph(a.T, c.T, b.T, d.T)  # of the transposed plant: [N~^T; M~^T]
-    n_in = d.shape[1]
-    N, M = (B.T, C.T[:, :n_in], D.T[:, :n_in]), (B.T, C.T[:, n_in:], D.T[:, n_in:])
-    return A.T, np.hstack([M[1], -N[1]]), N[0], np.hstack([M[2], -N[2]])
+    n = d.shape[1]
+    return A.T, np.hstack([C.T[:, n:], -C.T[:, :n]]), B.T, np.hstack([D.T[:, n:], -D.T[:, :n]])
 
 
 def series(second: Matrices, first: Matrices) -> Matrices:
@@ -192,8 +189,7 @@ def hinf_norm(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, tolera
         frequencies = crossings(a, b, c, d, level)
         if frequencies.size == 0:
             return bound
-        middle = 0.5 * (frequencies[1:] + frequencies[:-1]) if frequencies.size > 1 else frequencies
-        higher = peak(a, b, c, d, np.concatenate([middle, frequencies]))
+        higher = peak(a, b, c, d, np.concatenate([0.5 * (frequencies[1:] + frequencies[:-1]), frequencies]))
         if higher <= level:
             return max(bound, higher)
         bound = higher
@@ -209,8 +205,7 @@ def crossings(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, level:
     """Return the frequencies >= 0 where a singular value equals the level, ascending."""
     R = level**2 * np.eye(d.shape[1]) - d.T @ d
     S = level**2 * np.eye(d.shape[0]) - d @ d.T
-    lower = np.linalg.cholesky(R)
-    half = solve_triangular(lower, b.T, lower=True)  # b R^-1 b^T = half^T half
+    half = solve_triangular(np.linalg.cholesky(R), b.T, lower=True)  # b R^-1 b^T = half^T half
     drift = a + b @ np.linalg.solve(R, d.T @ c)
     hamiltonian = np.block([[drift, level * half.T @ half], [-level * c.T @ np.linalg.solve(S, c), -drift.T]])
     values = np.linalg.eigvals(hamiltonian)

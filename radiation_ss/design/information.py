@@ -44,10 +44,7 @@ class Information:
         return self.tests[list(chosen)].sum(axis=0)[self.nominal:, self.nominal:]
 
     def detectability(self, chosen: Sequence[int], exact: bool = False) -> FloatArray:
-        """Return by how many standard deviations each effect of typical size stands out, shape (k,).
-
-        `exact`: if the model's own numbers were exactly known.
-        """
+        """Return by how many standard deviations each effect stands out, (k,); `exact`: of a model known exactly."""
         A = self.alone(chosen) if exact else self.beside_nominal(chosen)
         return np.array([strongest(A[np.ix_(at, at)]) for at in self.places])
 
@@ -106,8 +103,7 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
         return np.stack([known.information(J) for known, J in zip(own_numbers, read(changes))])
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
-    terms = terms_of(problem, effects)
-    for term in terms:
+    for term in terms_of(problem, effects):
         effect = term.active.effect  # changes by one prior standard deviation of each strength
         slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
         spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])
@@ -169,10 +165,7 @@ def information(problem: EquationError, terms: Sequence[Term], variance: FloatAr
 
 
 def absorbed(problem: EquationError, wide: float = 10.0) -> FloatArray:
-    """Return what an unknown force hides: a mean, and what goes linearly with the motion at each frequency.
-
-    `wide`: prior standard deviation, of the model's own forces and impedance.
-    """
+    """Return what an unknown force, `wide` a priori, hides: a mean, and at each frequency what the motion scales."""
     found = [np.zeros((problem.rows.error.size, 0))]
     for place in problem.places:
         run = problem.runs[place.record]

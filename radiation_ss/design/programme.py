@@ -182,9 +182,7 @@ class Simulated:
         return found
 
     def by(self, active: Active, symbols: Symbols, per_record: bool = False) -> list[FloatArray]:
-        """Return changes (3, n, nt, K) in each record by each strength, or with `per_record` by each strength and
-        record.
-        """
+        """Return changes (3, n, nt, K) in each record by each strength, `per_record`: by each strength and record."""
         strengths = features(symbols, active, self.runs)
         found = []
         for r, run in enumerate(self.runs):

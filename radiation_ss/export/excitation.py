@@ -17,7 +17,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.atomic import write_rows
 from radiation_ss.errors import InputError
 from radiation_ss.fit.problem import as_data
-from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.rational import Realisation, frequency_response
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData, force_unit
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
@@ -155,8 +155,7 @@ def fit_excitation(data: HydroData, direction: float = 0.0, states: int | None =
     return best
 
 
-def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int,
-                ) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _vector_fit(omega: FloatArray, Y: ComplexArray, states: int, passes: int) -> Realisation:
     """Return (a, b, c) of the strictly proper model Y(w) = c (i w I - a)^-1 b, shape (nw, outputs)."""
     at = np.linspace(omega[0], omega[-1], states // 2)
     poles = -0.05 * at + 1j * at

@@ -11,11 +11,10 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.atomic import write_rows, write_whole
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import minimal, side_by_side
+from radiation_ss.fit.rational import Realisation, minimal, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
-from radiation_ss.hydro.readers.assemble import MSS_AXES, six_dofs, six_places
-from radiation_ss.hydro.readers.bemio import body_groups
+from radiation_ss.hydro.readers.assemble import MSS_AXES, body_groups, six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
 from radiation_ss.reading import check_size, listed, read_arrays, read_mat, texts, whole_number
 
@@ -44,8 +43,7 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
 def read_openfast(path: Path) -> RadiationFit:
     """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
 
-    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out. InputError if the
-    numbers of rows or columns do not fit the header, or all of B or C is zero.
+    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
     """
     if "SS_Excitation" in next(iter(lines(path)), ""):
         raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
@@ -53,8 +51,7 @@ def read_openfast(path: Path) -> RadiationFit:
     enabled = row(path, 1, head[1].split("%")[0], None, "enabled degrees of freedom")
     N = index(path, 2, leading(path, 2, head[2].split("%")[0], 1, "radiation states")[0], 10_000, "number of states")
     n = len(enabled)
-    shape = [len(row) for row in rows]
-    if n % 6 or n == 0 or shape != [N] * N + [n] * N + [N] * n:
+    if n % 6 or n == 0 or [len(row) for row in rows] != [N] * N + [n] * N + [N] * n:
         raise InputError(f"{path.name}: {len(rows)} rows of numbers; {N} states and {n} degrees of freedom need "
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
     names = six_dofs([""] * (n // 6))
@@ -66,15 +63,12 @@ def read_openfast(path: Path) -> RadiationFit:
                         method=f"read from {path.name}")
 
 
-Parts = dict[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]]  # a, b, c by row and column
+Parts = dict[tuple[int, int], Realisation]  # by row and column
 STATE_SPACE = "hydro_coeffs/radiation_damping/state_space"
 
 
 def write_bemio(fit: RadiationFit, path: Path) -> None:
-    """Write BEMIO's state_space groups, one subsystem for each entry; C over rho, as WEC-Sim expects.
-
-    Of a file that is there, the groups of all its bodies; InputError if one of the fit's is none of them by name.
-    """
+    """Write BEMIO's state_space groups, a subsystem an entry, for all bodies of a file that is there; C over rho."""
     import h5py
 
     places, bodies = six_places(fit.dofs, path)
@@ -142,7 +136,6 @@ def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
     Degrees of freedom without states are left out.
-    InputError if the file is not HDF5 or has no state_space groups.
     """
     import h5py
 
@@ -215,10 +208,7 @@ def read_matlab(path: Path) -> RadiationFit:
 
 
 def from_arrays_matlab(arrays: Mapping[str, Any], name: str = "MSS") -> RadiationFit:
-    """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), one subsystem for each entry.
-
-    The axes stay as they are; those of a vesselABC file are turned by `read_matlab`. InputError if there are none.
-    """
+    """Return the model of MSS's arrays Ar_ij, Br_ij, Cr_ij (i, j from 1 to 6), axes as they are, by entries."""
     keys = [key for key in arrays if key.startswith("Ar_")]
     if not keys:
         raise InputError(f"{name}: no radiation model; A, B, C and dofs, or MSS's Ar_ij, Br_ij, Cr_ij are needed")

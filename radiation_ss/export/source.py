@@ -210,30 +210,19 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
 
 def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
            turn: float = 1.0) -> tuple[list[ca.Function], dict[str, list[str]]]:
-    """Return the functions of the plant, and the names of their signals.
-
-    `turn`: most that the fastest pole may turn or decay in one step of the integrator [rad]; above 2.7 it diverges.
-    """
+    """Return the plant's functions, and names of its signals; `turn` [rad]: of the fastest pole a step (most 2.7)."""
     names, rate = ["t", "x", "u"], state_equations(model, effects)
     functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
     if dt is not None:
         dt = positive(dt, "dt", "s")
         (t, x, u), (_, y) = _symbols(rate)
         parts = max(1, int(np.ceil(dt * np.abs(np.linalg.eigvals(model.matrices()[0])).max() / turn)))
-        h, after = dt / parts, x
-        for k in range(parts):
-            after = _runge_kutta(rate, t + k * h, after, u, h)
+        z = ca.MX.sym("z", x.numel() + 1)  # the states, and time
+        flow = ca.Function("flow", [z, u], [ca.vertcat(rate(z[-1], z[:-1], u)[0], 1)])
+        after = ca.simpleRK(flow, parts)(ca.vertcat(x, t), u, dt)[:-1]
         functions.append(ca.Function("plant_step", [t, x, u], [after, y], names, ["after", "y"]))
     states, inputs, outputs = signals_of(model, effects)
     return functions, {"x": states, "u": inputs, "y": outputs}
-
-
-def _runge_kutta(rate: ca.Function, t: Any, x: Any, u: Any, h: float) -> Any:
-    k1 = rate(t, x, u)[0]
-    k2 = rate(t + h / 2, x + h / 2 * k1, u)[0]
-    k3 = rate(t + h / 2, x + h / 2 * k2, u)[0]
-    k4 = rate(t + h, x + h * k3, u)[0]
-    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def _symbols(rate: ca.Function) -> tuple[list[Any], list[Any]]:

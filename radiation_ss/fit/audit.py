@@ -172,8 +172,7 @@ def _realised(system: "ct.TransferFunction", name: str) -> "ct.StateSpace":
 
 def _matched(dofs: tuple[str, ...], data: HydroData) -> tuple[list[int], HydroData]:
     names = [signal(dof) for dof in data.dofs]
-    shared = [dof for dof, name in zip(data.dofs, names) if name in dofs]
-    if shared:
+    if shared := [dof for dof, name in zip(data.dofs, names) if name in dofs]:
         return [dofs.index(signal(dof)) for dof in shared], data.select(shared)
     lists = f"the model's are {', '.join(dofs)}, the data's {', '.join(data.dofs)}"
     if len(dofs) != data.n:

@@ -6,10 +6,9 @@ import numpy as np
 from scipy.linalg import block_diag, eigvals
 
 from radiation_ss.arrays import ComplexArray, FloatArray
-from radiation_ss.fit.rational import connected, frequency_response, modes
+from radiation_ss.fit.rational import Realisation, connected, frequency_response, modes
 
-PASSIVE = 1e-9
-"""Largest negative eigenvalue of the scaled Hermitian part, relative to the largest size, that counts as round-off."""
+PASSIVE = 1e-9  # negative eigenvalue of the scaled Hermitian part, of the largest size, that counts as round-off
 
 
 @dataclass(frozen=True)
@@ -96,8 +95,7 @@ def _sign_changes(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, ra
     return np.concatenate(found)
 
 
-def _merged(a: FloatArray, b: FloatArray, c: FloatArray, same: float = 1e-9,
-            rounding: float = 1e-13) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _merged(a: FloatArray, b: FloatArray, c: FloatArray, same: float = 1e-9, rounding: float = 1e-13) -> Realisation:
     """Return a realisation with one pole where connected parts have the `same` (Gilbert's).
 
     The residues at a pole add up to a matrix whose rank, but for `rounding`, is the number of states that it needs.
@@ -120,7 +118,7 @@ def _merged(a: FloatArray, b: FloatArray, c: FloatArray, same: float = 1e-9,
             np.hstack([part[2] for part in merged]))
 
 
-def _of_pole(pole: complex, residue: ComplexArray, rounding: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _of_pole(pole: complex, residue: ComplexArray, rounding: float) -> Realisation:
     """Return the real realisation of R / (s - pole), and of its conjugate beside it where the pole is complex."""
     left, sizes, right = np.linalg.svd(residue if pole.imag else residue.real)
     rank = int(np.sum(sizes > rounding))

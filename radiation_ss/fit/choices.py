@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.problem import Problem, joint_error, scales, symmetric
-from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.rational import Realisation, frequency_response
 from radiation_ss.hydro.data import HydroData
-
-Realisation = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -138,7 +136,6 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
     Where more than `few` of an entry's samples are suspicious they are no outliers but the data, and count in full.
     """
     weight = np.ones(data.B.shape)
-    at = {omega: k for k, omega in enumerate(data.omega.tolist())}
     counts = Counter((suspect.force, suspect.velocity) for suspect in suspects)
     for suspect in suspects:
         if counts[suspect.force, suspect.velocity] > few * data.omega.size:
@@ -146,7 +143,7 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
         i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
         bounded = 1.0 / (1.0 + (suspect.size / tolerated) ** 2)
         share = min(least, bounded) if suspect.kind == "spike" else max(least, bounded)
-        k = at[suspect.omega]
+        k = int(np.searchsorted(data.omega, suspect.omega))
         weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
     return weight
 
@@ -162,8 +159,7 @@ def nearest_possible(data: HydroData) -> ComplexArray:
 
 def left_out(data: HydroData, weight: FloatArray, error: float) -> Iterator[str]:
     """Say which motions have no states, and of what error more than half is in the data."""
-    silent = [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]
-    if silent:
+    if silent := [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]:
         yield f"{', '.join(silent)}: no radiation but numerical noise; left out of the model and its error"
     least = joint_error(data, nearest_possible(data), weight)
     if least > 0.5 * error:
@@ -203,8 +199,7 @@ def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:
     if isinstance(points, Mapping):
         raise InputError("points: frequencies, as [7.0], are needed; K is met there as the data have it")
     wanted = np.unique(read_only(np.atleast_1d([] if points is None else points), "points", (None,)))
-    outside = ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))
-    if outside.any():
+    if (outside := ~((wanted >= data.omega[0]) & (wanted <= data.omega[-1]))).any():
         raise InputError(f"points: {wanted[outside][0]:g} rad/s lies outside the data "
                          f"({data.omega[0]:g} to {data.omega[-1]:g} rad/s)")
     return wanted

@@ -14,8 +14,7 @@ from radiation_ss.fit.result import RadiationFit
 from radiation_ss.reading import decoded, listed, number, numbers, read_json, text, texts, whole_number
 
 SCHEMA = "radiation_ss.fit/1"
-FORMS = {".ss": "openfast", ".h5": "bemio", ".mat": "matlab", ".npz": "matlab"}
-"""Suffix -> the form that radiation_ss.export.models reads and writes; loaded where it is asked for."""
+FORMS = {".ss": "openfast", ".h5": "bemio", ".mat": "matlab", ".npz": "matlab"}  # of radiation_ss.export.models
 
 
 def foreign(action: str, suffix: str) -> Callable[..., Any]:

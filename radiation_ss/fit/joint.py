@@ -24,12 +24,9 @@ from radiation_ss.fit.program import finish, minimise, misfit_of, on_points, qua
 from radiation_ss.fit.rational import connected, response_of
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
 
-Start = tuple[Port, FloatArray]
-"""A form and its parameters."""
-Run = tuple[float, Port, FloatArray]
-"""Cost, form and parameters of what was found."""
-Realised = tuple[FloatArray, FloatArray, str]
-"""A, B with C = B^T, and how it was solved."""
+Start = tuple[Port, FloatArray]  # a form and its parameters
+Run = tuple[float, Port, FloatArray]  # cost, form and parameters of what was found
+Realised = tuple[FloatArray, FloatArray, str]  # A, B with C = B^T, and how it was solved
 
 
 @dataclass(frozen=True)
@@ -48,11 +45,7 @@ class Search:
 
 
 def fit_joint(problem: Problem, order: int, search: Search) -> tuple[FloatArray, FloatArray, FloatArray, str]:
-    """Return (A, B, C, how it was solved) of the best reciprocal model found; passive ones have C = B^T.
-
-    `order`: states for each independent motion. InputError if K(0) = 0 or the frequency points ask for more states.
-    SolverError if the frequency points cannot be met.
-    """
+    """Return (A, B, C, how it was solved) of the best reciprocal model, `order` states a motion; C = B^T if passive."""
     parts = symmetric_parts(problem)
     if len(parts) == 1:
         a, b, how = _fit_part(problem, order, search)
@@ -80,10 +73,7 @@ def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem
 
 
 def independent(problem: Problem, least: float = 0.1) -> int:
-    """Return how many combinations of motions radiate on their own: surge and pitch of a sphere are one.
-
-    Directions of motion whose K is below `least` of the largest singular value add no states.
-    """
+    """Return how many combinations of motions have a K of `least` of the largest: of a sphere's surge and pitch one."""
     sizes = np.linalg.svd(problem.whole(problem.K).reshape(-1, problem.m), compute_uv=False)
     return int(np.sum(sizes > least * sizes[0]))
 
@@ -132,10 +122,7 @@ def _slowed(form: Port, theta: FloatArray, problem: Problem) -> FloatArray:
 
 
 def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool, slow: bool = False) -> Start:
-    """Return the model that is best at all samples; what more states gain at thinned ones they may lose between.
-
-    `slow`: of those without poles far beyond the band, if there are any.
-    """
+    """Return the model that is best at all samples; `slow`: of those without poles far beyond the band, if any."""
     for n in orders:
         if n not in search.known or n == orders[-1]:
             search.known[n] = _sized(problem.thinned(), n, motions, search, large)
@@ -183,11 +170,7 @@ def _sized(problem: Problem, order: int, motions: int, search: Search, large: bo
 
 
 def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple[Port, FloatArray, str]:
-    """Return CasADi's answer from the best of the starts where it is no worse, and which solver did what.
-
-    SolverError if the frequency points are not met within `met` of the largest |K_ii| by a model without poles far
-    beyond the band.
-    """
+    """Return CasADi's answer from the best start where it is no worse, points `met`, and which solver did what."""
     dense = problem.thinned(800, 60)
 
     def cost(form: Port, v: FloatArray) -> float:
@@ -235,10 +218,7 @@ def _released(port: Port, theta: FloatArray, problem: Problem) -> tuple[Port, Fl
 
 
 def modal(problem: Problem, order: int, motions: int, rng: np.random.Generator, slight: float = 1e-2) -> Start:
-    """Return the modes of the damping, each fitted alone, side by side.
-
-    They are disturbed by `slight`: couplings that are exactly zero may have no slope.
-    """
+    """Return the damping's modes, each fitted alone, side by side, disturbed by `slight`: zeros may have no slope."""
     K, weight = problem.whole(problem.K), problem.whole(problem.weight)
     U = np.linalg.eigh(K.real.sum(axis=0))[1][:, ::-1][:, :motions]
     parts = []
@@ -265,10 +245,7 @@ def alone(problem: Problem, order: int, rng: np.random.Generator, tried: int, st
 
 
 def _rational(problem: Problem, order: int) -> Iterator[tuple[float, FloatArray, FloatArray]]:
-    """Yield (misfit, den, num) of passive Q / P from Sanathanan-Koerner passes of two starts on all samples.
-
-    And on either half of them: each leads elsewhere where there are several minima.
-    """
+    """Yield (misfit, den, num) of passive Q / P by Sanathanan-Koerner from two starts on all samples and each half."""
     parts = [slice(None), slice(0, None, 2), slice(1, None, 2)][: 3 if problem.x.size > 4 * order else 1]
     for part, first in product(parts, (None, spread(problem.x, order))):
         runs = sanathanan_koerner(problem.x[part], problem.K[part, 0], problem.weight[part, 0], order,

@@ -158,7 +158,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
 
     `at_zero`: "free", "zero" or K(0) in SI. `points` (q,): where K, interpolated between the data, is to be met exactly
     [rad/s]. `resolved`: smallest damping rate of a resonance over the spacing of the frequencies: narrower ones would
-    be invented. InputError if a value of K(0) is not positive semidefinite.
+    be invented.
     """
     square = np.ix_(block, block)
     i, j = np.triu_indices(len(block))

@@ -27,8 +27,7 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
-Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]
-"""theta -> residual vector, and what returns its Jacobian."""
+Residual = Callable[[FloatArray], tuple[FloatArray, Callable[[], FloatArray]]]  # of theta, and of its Jacobian
 
 
 def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
@@ -189,10 +188,7 @@ def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int =
 
 
 def on_points(port: Port, problem: Problem, theta: FloatArray, steps: int = 40) -> FloatArray:
-    """Return theta moved onto the frequency points to round-off; theta itself where that cannot be.
-
-    By damped Newton steps of least norm, at most `steps`.
-    """
+    """Return theta moved onto the frequency points by Newton steps of least norm; theta itself where that cannot be."""
     if not problem.x_points.size:
         return theta
     points = _program(port, problem.x.size, problem.x_points.size)["points"]

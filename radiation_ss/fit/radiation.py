@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
-from radiation_ss.fit.choices import Realisation, Trial
+from radiation_ss.fit.choices import Trial
 from radiation_ss.fit.joint import Search, fit_joint
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
-from radiation_ss.fit.rational import frequency_response, observer_form, side_by_side
+from radiation_ss.fit.rational import Realisation, frequency_response, observer_form, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.hydro.data import HydroData
@@ -201,9 +201,8 @@ def _say_price_of_points(problem: Problem, part: Realisation, order: int, option
 
 def _choose(problem: Problem, options: Options) -> tuple[int, tuple[Trial, ...]]:
     quick = replace(options, notes=[], search=replace(options.search, iterations=60, known={}))
-    full = replace(options, notes=[])
     return choices.choose_order(problem, lambda part, order: _fit(part, order, quick),
-                                lambda part, order: _fit(part, order, full))
+                                lambda part, order: _fit(part, order, replace(options, notes=[])))
 
 
 def _fit_entries(problem: Problem, order: int) -> Realisation:
@@ -265,8 +264,7 @@ def _possible(problem: Problem, order: int | None, options: Options, rounding: f
     near = np.einsum("qik,qk,qjk->qij", vectors, raised, vectors)[:, *np.triu_indices(problem.m)]
     options.notes.append(f"{where} not positive definite, by rounding (smallest scaled eigenvalue "
                          f"{values[at, 0]:.1g}); projected on the nearest damping that a passive model can meet")
-    K_points = np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points)
-    return replace(problem, K_points=K_points)
+    return replace(problem, K_points=np.where(low[:, None], near + 1j * problem.K_points.imag, problem.K_points))
 
 
 def _weights(weight: ArrayLike, data: HydroData) -> FloatArray:

@@ -10,9 +10,10 @@ from scipy.sparse.csgraph import connected_components
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
 
+Realisation = tuple[FloatArray, FloatArray, FloatArray]  # a, b, c
 
-def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike,
-                       whole: int = 50) -> ComplexArray:
+
+def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: ArrayLike, whole: int = 50) -> ComplexArray:
     """Return c (i w I - a)^-1 b for all frequencies at once, shape (..., nw, n_out, n_in).
 
     A sum over the modes, sum_m R_m / (i w - pole_m); near multiple poles, a linear solve for each frequency. `a`, `b`,
@@ -32,8 +33,7 @@ def frequency_response(a: FloatArray, b: FloatArray, c: FloatArray, omega: Array
 
 
 def _response(a: FloatArray, b: FloatArray, c: FloatArray, w: FloatArray) -> ComplexArray:
-    found = modes(a, b, c)
-    if found is not None:
+    if (found := modes(a, b, c)) is not None:
         return sum_of_modes(*found, w)
     resolvent = 1j * w[:, None, None] * np.eye(a.shape[-1]) - a[..., None, :, :]
     return c[..., None, :, :] @ np.linalg.solve(resolvent, b[..., None, :, :].astype(complex))
@@ -48,8 +48,7 @@ def connected(linked: NDArray) -> list[NDArray[np.int64]]:
 def impulse_response(a: FloatArray, b: FloatArray, c: FloatArray, t: ArrayLike) -> FloatArray:
     """Return c exp(a t) b, shape (nt, n_out, n_in), for times t >= 0 [s]; by modes, else by matrix exponentials."""
     times = np.atleast_1d(np.asarray(t, dtype=float))
-    found = modes(a, b, c)
-    if found is not None:
+    if (found := modes(a, b, c)) is not None:
         poles, residues = found
         flat = np.exp(times[:, None] * poles) @ residues.reshape(poles.size, c.shape[0] * b.shape[1])
         return np.ascontiguousarray(flat.real).reshape(times.size, c.shape[0], b.shape[1])
@@ -110,12 +109,9 @@ def modes(a: FloatArray, b: FloatArray, c: FloatArray, worst: float = 1e4) -> tu
     return None if np.any(total > worst * largest) else (poles, residues)
 
 
-def side_by_side(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray]], rows: Sequence[Sequence[int]],
-                 columns: Sequence[Sequence[int]], n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the realisation of several systems that share no states.
-
-    `rows`, `columns`: outputs and inputs of each part among the n of the whole; outputs add up.
-    """
+def side_by_side(parts: Sequence[Realisation], rows: Sequence[Sequence[int]], columns: Sequence[Sequence[int]],
+                 n: int) -> Realisation:
+    """Return the realisation of systems that share no states; `rows`, `columns`: outputs and inputs among the n."""
     a = block_diag(*[part[0] for part in parts])
     b, c, start = np.zeros((a.shape[0], n)), np.zeros((n, a.shape[0])), 0
     for (part_a, part_b, part_c), row, column in zip(parts, rows, columns):
@@ -131,14 +127,13 @@ def response_of(den: FloatArray, num: FloatArray, x: FloatArray) -> ComplexArray
     return np.asarray(np.polyval(num[::-1], 1j * x) / np.polyval(np.r_[1.0, den[::-1]], 1j * x))
 
 
-def observer_form(den: ArrayLike, num: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+def observer_form(den: ArrayLike, num: ArrayLike) -> Realisation:
     """Return the observer canonical form (5)-(8) of the transfer function (23).
 
     K(s) = (b_n s^(n-1) + ... + b_2 s + b_1) / (s^n + a_n s^(n-1) + ... + a_2 s + a_1)
 
     `den`, `num` (n,): (a_1, ..., a_n) and (b_1, ..., b_n), constant term first, as in the paper. Returned are a, b, c:
-    companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state. InputError if the two have
-    different lengths or are empty.
+    companion matrix with last column -a_1 ... -a_n, b = (b_1 ... b_n), c = the last state.
     """
     alpha, beta = np.asarray(den, dtype=float).ravel(), np.asarray(num, dtype=float).ravel()
     if alpha.size == 0 or alpha.size != beta.size:
@@ -170,16 +165,11 @@ def to_polynomials(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatAr
         markov.append(float(c[0] @ x))
         x = a @ x / rate
     num = np.convolve(den, markov)[:n]
-    powers = rate ** np.arange(n)
-    return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * powers[::-1]
+    return den[:0:-1] * rate ** np.arange(n, 0, -1), num[::-1] * rate ** np.arange(n - 1, -1, -1)
 
 
-def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9,
-            ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a balanced realisation without the states of Hankel singular value below `tolerance` of the largest.
-
-    `a`, `b`, `c` (N, N), (N, n_in), (n_out, N): stable system.
-    """
+def minimal(a: FloatArray, b: FloatArray, c: FloatArray, tolerance: float = 1e-9) -> Realisation:
+    """Return a balanced realisation of a stable one, without Hankel singular values below a share `tolerance`."""
     reach = square_root(solve_continuous_lyapunov(a, -b @ b.T))
     observe = square_root(solve_continuous_lyapunov(a.T, -c.T @ c))
     u, sigma, vt = np.linalg.svd(observe.T @ reach)

@@ -168,8 +168,7 @@ class RadiationFit(Shown):
         >>> fit.select(["Heave"]).states
         2
         """
-        absent = [dof for dof in dofs if dof not in self.dofs]
-        if absent:
+        if absent := [dof for dof in dofs if dof not in self.dofs]:
             raise InputError(f"degree of freedom {absent[0]!r} is not among {list(self.dofs)}")
         pick = [self.dofs.index(dof) for dof in dofs]
         reached = np.any(self.b[:, pick] != 0.0, axis=1)

@@ -73,12 +73,9 @@ def passive_numerator(den: FloatArray, num: FloatArray, zero: bool) -> FloatArra
     """
     full = np.r_[den, 1.0]
     if zero:
-        c1, c0, c = sections(den)
         safe = np.zeros(den.size)
-        for k in range(c1.size):
-            others = [np.array([c0[j], c1[j], 1.0]) for j in range(c1.size) if j != k]
-            rest = reduce(np.convolve, [*others, *(np.array([real, 1.0]) for real in c)], np.ones(1))
-            safe[1:1 + rest.size] += rest
+        for c1, c0 in zip(*sections(den)):
+            safe[1:] += np.polydiv(full[::-1], [1.0, c1, c0])[0][::-1]
     else:
         safe = full[1:] * np.arange(1, full.size)
     reach = 10.0 * max(float(np.abs(np.roots(full[::-1])).max()), 1.0)
@@ -101,17 +98,14 @@ def _stabilised(den: FloatArray, x: FloatArray) -> FloatArray:
     return np.asarray(np.real(np.poly(moved))[:0:-1])
 
 
-def sections(den: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (c1, c0, c) of den = prod (s^2 + c1 s + c0) (s + c); real poles are paired from both ends."""
+def sections(den: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (c1, c0) of the sections s^2 + c1 s + c0 of den; real poles are paired from both ends, an odd one left."""
     roots = np.roots(np.r_[1.0, den[::-1]])
     pairs = roots[roots.imag > 1e-12]
     real = np.sort(roots[np.abs(roots.imag) <= 1e-12].real)
-    odd = real[real.size // 2:real.size // 2 + 1] if real.size % 2 else real[:0]
-    real = np.delete(real, real.size // 2) if odd.size else real
-    slow, fast = real[real.size // 2:][::-1], real[:real.size // 2]
-    c1 = np.r_[-2.0 * pairs.real, -(slow + fast)]
-    c0 = np.r_[np.abs(pairs) ** 2, slow * fast]
-    return c1, c0, -odd
+    half = real.size // 2
+    slow, fast = real[real.size - half:][::-1], real[:half]
+    return np.r_[-2.0 * pairs.real, -(slow + fast)], np.r_[np.abs(pairs) ** 2, slow * fast]
 
 
 def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:

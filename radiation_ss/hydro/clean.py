@@ -58,12 +58,8 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         rough = roughness(data).max(axis=(1, 2))
         data = _keep(data, rough <= (0.03 if spikes is True else float(spikes)),
                      f"that leave their neighbours by up to {percent(rough.max())}")
-    if symmetric:
-        data = _symmetric(data)
-    if negative_damping:
-        data = _passive(data)
-    if A_inf:
-        data = _implied_A_inf(data)
+    for wanted, repaired in ((symmetric, _symmetric), (negative_damping, _passive), (A_inf, _implied_A_inf)):
+        data = repaired(data) if wanted else data
     return data
 
 
@@ -96,23 +92,19 @@ def _symmetric(data: HydroData) -> HydroData:
 
 def _passive(data: HydroData) -> HydroData:
     """Set negative eigenvalues of the scaled symmetric part of B to zero; modes that do not radiate are left alone."""
-    scale, silent = damping_scale(data)
-    active = np.ix_(np.arange(data.omega.size), np.flatnonzero(~silent), np.flatnonzero(~silent))
-    size = np.outer(scale[~silent], scale[~silent])
-    B = data.B[active]
-    even, odd = 0.5 * (B + B.transpose(0, 2, 1)) / size, 0.5 * (B - B.transpose(0, 2, 1))
+    scale, _ = damping_scale(data)
+    even, pairs = scaled(0.5 * (data.B + data.B.transpose(0, 2, 1)), scale), np.outer(scale, scale)
     values, vectors = np.linalg.eigh(even)
     touched = (values < -1e-9 * np.abs(values).max(initial=0.0)).any(axis=1)
     if not touched.any():
         return _noted(data, "no negative damping to lift")
     nearest = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
-    lifted = data.B.copy()
-    lifted[active] = np.where(touched[:, None, None], nearest * size + odd, B)
-    change = np.where(touched[:, None, None], np.abs(nearest - even), 0.0).max(axis=(1, 2))
+    change = np.where(touched[:, None, None], nearest - even, 0.0)
+    size = np.abs(change).max(axis=(1, 2))
     note = (f"negative damping lifted at {int(touched.sum())} of {touched.size} frequencies ("
-            f"{said(bands(data.omega, touched))}), by up to {percent(change.max())} of the largest damping, at "
-            f"{data.omega[int(change.argmax())]:.3g} rad/s")
-    return _noted(data, note, B=lifted)
+            f"{said(bands(data.omega, touched))}), by up to {percent(size.max())} of the largest damping, at "
+            f"{data.omega[int(size.argmax())]:.3g} rad/s")
+    return _noted(data, note, B=data.B + change * np.where(np.isinf(pairs), 0.0, pairs))
 
 
 def _implied_A_inf(data: HydroData) -> HydroData:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.readers.capytaine import from_dataset, netcdf
 from radiation_ss.methods import later
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
     if not isinstance(path, (str, Path)):
         if not hasattr(path, "data_vars"):
             raise InputError(f"read_hydro: a path or an xarray.Dataset is needed, found {type(path).__name__}")
-        return later("hydro.readers.capytaine:from_dataset", path, **given)
+        return from_dataset(path, "dataset", **given)
     path = Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
@@ -129,4 +130,4 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
     if path.suffix.lower() != ".nc":
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
     data = data if isinstance(data, HydroData) else read_hydro(data)
-    write_whole(path, later("hydro.readers.capytaine:netcdf", data))
+    write_whole(path, netcdf(data))

@@ -27,8 +27,7 @@ def damping_scale(data: HydroData, silence: float = 1e-5) -> tuple[FloatArray, n
     turning = np.array([motion_unit(dof) == "rad" for dof in data.dofs])
     silent = implied == 0.0
     for kind in (turning, ~turning):
-        if kind.any():
-            silent |= kind & (implied <= silence * implied[kind].max())
+        silent |= kind & (implied <= silence * implied[kind].max(initial=0.0))
     size = np.where(size > silence * implied, size, implied)
     return np.where(silent, np.inf, np.sqrt(np.where(silent, 1.0, size))), silent
 
@@ -172,10 +171,7 @@ def unstable_text(dofs: Sequence[str]) -> str:
 
 
 def inertia_not_symmetric(A_inf: FloatArray, M: FloatArray | None, dofs: Sequence[str], tolerance: float = 0.03) -> str:
-    """Return a sentence where an inertia, shape (n, n), differs from its transpose by more than `tolerance`; else ''.
-
-    Relative to the root of the two inertias on the diagonal.
-    """
+    """Return a sentence where an inertia is off its transpose by `tolerance` of the root of both diagonals; else ''."""
     scale = np.sqrt(np.abs(np.diag(A_inf if M is None else M + A_inf)))
     scale[scale == 0.0] = np.inf
     for name, part, remedy in (("A_inf", A_inf, "data.clean(symmetric=True) takes the mean of both"),
@@ -221,8 +217,7 @@ def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence
         departed = np.abs(np.abs(X[:, :, k]) / C[k, k] - 1.0).max(axis=1) >= near
         long = ~np.logical_or.accumulate(departed)
         for name, along in (("Surge", np.cos(directions)), ("Sway", np.sin(directions))):
-            other = places.get(f"{body(dof)}__{name}" if body(dof) else name)
-            if other is not None:
+            if (other := places.get(f"{body(dof)}__{name}" if body(dof) else name)) is not None:
                 total += (X[long, :, other] * X[long, :, k].conj() * along).sum()
     return float(np.angle(total)) if total else None
 

@@ -90,8 +90,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     residual, tail = scaled(raw - level, scale), fit_tail(w, data.B)
     found: list[Finding] = []
     inside = np.where(middle[:, None, None], np.abs(residual), 0.0)
-    where = bands(w, inside.max(axis=(1, 2)) > tolerance)
-    if where:
+    if where := bands(w, inside.max(axis=(1, 2)) > tolerance):
         size, (k, i, j) = worst(inside)
         found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
                              f"added mass and damping violate the Kramers-Kronig relations by {percent(size)} of the "
@@ -163,8 +162,7 @@ def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike:
     if active.size == 0 or w.size < 8:
         return
     share = np.diagonal(tail.share)
-    long = [i for i in active if share[i] > 0.05]
-    if long:
+    if long := [i for i in active if share[i] > 0.05]:
         i = max(long, key=lambda i: share[i])
         each = ", ".join(f"{data.dofs[a]} {percent(share[a])}" for a in long)
         yield Finding("short band", bool(share[i] > 0.2 and abs(scaled[-1, i]) > 0.1), float(share[i]),
@@ -206,11 +204,8 @@ def haskind(data: HydroData, tolerance: float) -> Iterator[Finding]:
     w, loud = data.omega[use], np.flatnonzero(~silent)
     total = np.einsum("wii,i->w", force[use], scale**-2.0) / np.maximum(own[use].sum(axis=1), 1e-300)
 
-    def ratio(depth: float) -> FloatArray:
-        return factor(w, depth, data.g) * total
-
     def spread(depth: float) -> float:
-        return float(np.sqrt(np.mean(np.log(np.maximum(ratio(depth), 1e-6)) ** 2)))
+        return float(np.sqrt(np.mean(np.log(np.maximum(factor(w, depth, data.g) * total, 1e-6)) ** 2)))
 
     longest = 2.0 * np.pi / float(wave_number(w[:1] ** 2 / data.g, data.depth)[0])
     best = min(np.geomspace(0.005, 1.0, 200) * longest, key=spread)

@@ -92,8 +92,7 @@ def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5,
     """Fit a power law to the damping over the highest frequencies.
 
     `omega` (nw,): [rad/s]. `B` (nw, n, n). `powers`: slowest and fastest decay that the data can show; a slower one is
-    not fitted. `usual`: power where the data show none. InputError if there are fewer than four frequencies or the
-    shapes disagree.
+    not fitted. `usual`: power where the data show none.
     """
     w, values = _band(omega, B, "B")
     top = w >= min(0.8 * w[-1], w[-4])
@@ -115,8 +114,7 @@ def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5,
 def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
     """Return the retardation kernel L(t) = 2/pi int_0^oo B cos(wt) dw (2), shape (nt, n, n).
 
-    `omega` (nw,): [rad/s]. `B` (nw, n, n): radiation damping. `t` (nt,): [s]. InputError if there are fewer than four
-    frequencies or a time is negative.
+    `omega` (nw,): [rad/s]. `B` (nw, n, n): radiation damping. `t` (nt,): [s].
     """
     w, values = _band(omega, B, "B")
     times = read_only(np.atleast_1d(t), "t", (None,), finite=False)
@@ -133,8 +131,7 @@ def kernel(omega: ArrayLike, B: ArrayLike, t: ArrayLike) -> FloatArray:
 def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True) -> FloatArray:
     """Return A - A_inf by Kramers-Kronig, 2/pi PV int_0^oo B(w') / (w'^2 - w^2) dw', shape (nw, n, n).
 
-    From (2) and (4). `tail=False` leaves the continuation above the band out. The result is least certain next to the
-    end of the band. Raises as `fit_tail`.
+    From (2) and (4). `tail=False` leaves the continuation above the band out. Least certain near the band's end.
     """
     w, values = _band(omega, B, "B")
     grid, full = _with_zero(w, values)

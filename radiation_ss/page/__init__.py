@@ -32,7 +32,6 @@ class Verdict:
     sentence: str
     tone: str = "plain"
     detail: str = ""
-    kind: str = "verdict"
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,6 @@ class Text:
     """A paragraph."""
 
     text: str
-    kind: str = "text"
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,6 @@ class Points:
     """A list of short statements."""
 
     items: Sequence[str]
-    kind: str = "points"
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,6 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
-    kind: str = "table"
 
 
 @dataclass(frozen=True)
@@ -68,7 +64,6 @@ class Picture:
     figure: Figure
     caption: str
     alt: str = ""
-    kind: str = "picture"
 
     @cached_property
     def data(self) -> str:
@@ -125,10 +120,7 @@ def png(figure: Figure, colours: int = 32, dpi: int = 100) -> bytes:
 
 
 def fragment(item: Any, largest: int = 150_000) -> str:
-    """Return what a notebook shows of a result: the first lines of its text, and its picture where it has one.
-
-    Notebooks keep what they show: a drawing of more than `largest` characters becomes a PNG.
-    """
+    """Return a result for a notebook: its text's first lines, and its picture, as PNG above `largest` letters."""
     html = f"<pre>{escape(brief(str(item)))}</pre>"
     try:
         figure = item.plot()

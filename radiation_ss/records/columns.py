@@ -82,10 +82,7 @@ def own_dofs(given: OwnDofs | str) -> dict[str, str]:
 
 
 def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Return the SI unit of a channel by its name: 'm/s' of 'Heave_velocity', 's' of 'time'.
-
-    `own`: "m" or "rad" of degrees of freedom that are no rigid-body mode.
-    """
+    """Return the SI unit of a channel, 's' of 'time'; `own`: m or rad of motions that are no rigid-body mode."""
     if channel == "time":
         return "s"
     if channel == "wave_elevation":
@@ -140,8 +137,7 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
     (('Roll force', 'kN m'), ('t', 's'), ('Heave', None))
     """
     cell = cell.strip()
-    match = _HEADER.match(cell)
-    if match is not None:
+    if (match := _HEADER.match(cell)) is not None:
         return match["name"], (match["a"] or match["b"] or match["c"]).strip()
     if spelled(cell) is None:
         for gap in re.finditer(r"[\s_]+|/", cell):  # `name_unit`, `name unit`, `name/unit`
@@ -179,8 +175,7 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
             raise InputError(f"{at}: the column is there twice")
         columns.append(Column(name, *_unit_of(unit, si, name, at, choice), *own.values()))
     names = [column.name for column in columns]
-    absent = [name for name in choice.degrees if name not in names]
-    if absent:
+    if absent := [name for name in choice.degrees if name not in names]:
         raise InputError(f"{where}: degrees={tuple(absent)!r}, but there is no column {absent[0]!r}")
     if "time" not in names and choice.kind != "static":
         raise InputError(f"{where}: no column `time [s]`; the header is {', '.join(c.strip() for c in header)}")
@@ -234,8 +229,7 @@ def _unit_of(found: str | None, si: str, name: str, at: str, choice: ColumnChoic
 def values_in_si(values: Mapping[str, FloatArray], columns: Sequence[Column],
                  comments: Mapping[str, str]) -> tuple[dict[str, FloatArray], dict[str, str]]:
     """Return the columns of a table in SI, and its comments with one more, `converted`, if there was another unit."""
-    own = {split(column.name)[0]: column.own for column in columns if column.name and column.own}
-    if own:
+    if own := {split(column.name)[0]: column.own for column in columns if column.name and column.own}:
         comments = {**comments, "dofs": own_text(own)}
     other = {column.name: column for column in columns if column.name and column.factor != 1.0}
     found = {name: np.asarray(column * other[name].factor) if name in other else column

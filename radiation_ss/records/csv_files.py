@@ -65,20 +65,13 @@ def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
             if column.name is not None:
                 pieces.append(np.array(part))
 
-    def line_of(row: int) -> int:
-        for seen in lines:
-            if row < len(seen):
-                return seen[row]
-            row -= len(seen)
-        raise IndexError(row)
-
     whole = {}
     for column in columns:
         pieces = values.pop(0)
         if column.name is not None:
             whole[column.name] = np.concatenate(pieces or [np.zeros(0)])
             whole[column.name].setflags(write=False)  # so that a record need not copy it
-    return whole, columns, line_of, comments
+    return whole, columns, lambda row: next(islice(chain.from_iterable(lines), row, None)), comments
 
 
 def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
@@ -256,8 +249,7 @@ def comment_of(line: str) -> tuple[str, str] | None:
     >>> comment_of("# Kind: decay;;;"), comment_of("# speed [m/s]: 2"), comment_of("# made in May")
     (('kind', 'decay'), ('speed', '2 m/s'), None)
     """
-    match = _COMMENT.match(line.rstrip(",;\t "))
-    if match is None:
+    if (match := _COMMENT.match(line.rstrip(",;\t "))) is None:
         return None
     key, value = match["key"], match["value"]
     if len(value) > 1 and value[0] == value[-1] == '"':
@@ -303,8 +295,7 @@ def speed_of(text: str) -> float:
     >>> speed_of("0.97 m/s")
     0.97
     """
-    match = _SPEED.match(text)
-    if match is None:
+    if (match := _SPEED.match(text)) is None:
         raise InputError(f"comment 'speed': {text!r} is not a speed; write metres per second, for example 0.97")
     value, unit = float(match["value"]), match["unit"].strip(" []").lower()
     if unit in ("", "m/s"):

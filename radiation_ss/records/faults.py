@@ -15,9 +15,7 @@ FAULTS = {"slower": "repeat the one before them: the sensor is slower than the l
 
 
 def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return the record with the samples of its motion missing that are not the motion's, and a sentence for each
-    channel and fault: clipped ones, and those of sensors that hang or are slower than the log.
-    """
+    """Return the record without samples that are clipped or of a sensor that hangs or is slow, and what was done."""
     return left_out(record, lambda name, _, values: {
         f"{FAULTS[fault]}; left out": places for fault, places in faults(name, values).items()})
 

@@ -45,8 +45,7 @@ def at_the_body(record: Record, distance: float | None = None, *, depth: float =
     0.0
     """
     record = as_record(record)
-    values = record.channels.get("wave_elevation")
-    if values is None:
+    if (values := record.channels.get("wave_elevation")) is None:
         raise InputError(f"record {record.name}: no channel wave_elevation to carry to the body")
     if record.speed != 0.0:
         raise InputError(f"record {record.name}: speed {record.speed:g} m/s; a probe is carried to a body at rest only")

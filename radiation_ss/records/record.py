@@ -89,8 +89,7 @@ class Record(Shown):
         time = read_only(self.time, "time", (None,))
         if time.size < 2:
             raise InputError(f"record {self.name}: {time.size} sample(s); at least two are needed")
-        fault = time_fault(time)
-        if fault is not None:
+        if (fault := time_fault(time)) is not None:
             raise InputError(f"record {self.name}, time [s], sample {fault[0]}: {fault[1]}")
         if self.kind not in KINDS:
             raise InputError(f"record {self.name}: kind {self.kind!r} is unknown; use one of {', '.join(KINDS)}")

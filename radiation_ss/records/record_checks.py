@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, distinct
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
@@ -57,9 +57,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
 
 
 def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> Iterator[tuple[float, int]]:
-    """Yield the lowest or highest value and its count if it recurs, and stands `far` times the range of all others,
-    `most` values or more, from them: -999.
-    """
+    """Yield value and count of an extreme that recurs, `far` times the range of `most` others or more away: -999."""
     levels, counts = np.unique(values, return_counts=True)
     for end, beside, rest in ((0, 1, levels[1:]), (-1, -2, levels[:-1])):
         if rest.size >= most and counts[end] > 1 and abs(levels[end] - levels[beside]) > far * np.ptp(rest):
@@ -67,9 +65,7 @@ def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> I
 
 
 def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float = 9.81) -> Iterator[str]:
-    """Yield a sentence if a motion or an elevation stands `far` times its standard deviation from zero, or an
-    acceleration within a twentieth of `g` [m/s^2].
-    """
+    """Yield a sentence for a motion `far` times its spread from zero, or an acceleration within .05 `g` of gravity."""
     if kind == "static" or values.size < 16 or np.ptp(values) == 0.0:
         return
     middle, spread = float(np.median(values)), float(np.std(values))
@@ -82,12 +78,7 @@ def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float 
 
 def named_apart(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records with names that differ: a number is added to those that are there already."""
-    names: list[str] = []
-    for record in records:
-        name, number = record.name, 2
-        while name in names:
-            name, number = f"{record.name}_{number}", number + 1
-        names.append(name)
+    names = distinct(record.name for record in records)
     return tuple(replace(record, name=name) for record, name in zip(records, names))
 
 
@@ -236,8 +227,7 @@ def _release(record: Record, surer: float, least: int = 8, many: int = 400, apar
     first, when = 0, t[0]
     while last - first >= least:
         pick = np.unique(np.linspace(first, last, many).astype(int))
-        found = _held_until(t[pick], x[:, pick], surer)
-        if found is None:
+        if (found := _held_until(t[pick], x[:, pick], surer)) is None:
             break
         when = found
         if pick.size == last - first + 1:

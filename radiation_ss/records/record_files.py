@@ -182,8 +182,7 @@ def write_record(record: Record, path: str | Path) -> None:
     path = Path(path)
     columns = {"time": record.time, **record.channels}
     header = [f"{name} [{channel_unit(name, record.units)}]" for name in columns]
-    taken = [key for key in record.meta if key.lower() in OWN]
-    if taken:
+    if taken := [key for key in record.meta if key.lower() in OWN]:
         raise InputError(f"record {record.name}: {taken[0]!r} in meta is a field of the record itself; set that")
     comments = {"name": record.name, **{key: str(value) for key, value in facts_of(record).items()}}
     if path.suffix == ".parquet":

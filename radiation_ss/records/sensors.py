@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,8 +71,7 @@ def from_accelerometers(time: ArrayLike, readings: ArrayLike, places: ArrayLike,
     e = read_only(axes, "axes", (measured.shape[0], 3))
     if np.abs(np.linalg.norm(e, axis=1) - 1.0).max() > 1e-6:
         raise InputError("axes: unit vectors are needed")
-    strange = [dof for dof in dofs if mode(dof) not in RIGID]
-    if strange:
+    if strange := [dof for dof in dofs if mode(dof) not in RIGID]:
         raise InputError(f"dofs: {strange[0]!r} is not one of {', '.join(RIGID)}")
     whole = np.hstack([e, np.cross(r, e)])               # e . (alpha x r) = alpha . (r x e)
     matrix = whole[:, [RIGID.index(mode(dof)) for dof in dofs]]
@@ -216,8 +216,7 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
     [nan, 5.0, 6.0]
     """
     record, other = as_record(record), as_record(other)
-    both = [name for name in other.channels if name in record.channels]
-    if both:
+    if both := [name for name in other.channels if name in record.channels]:
         raise InputError(f"records {record.name} and {other.name}: both have a channel {both[0]!r}")
     if np.ndim(offset) or not np.isfinite(offset):
         raise InputError(f"offset: {offset!r}; one number of seconds is needed, the first that clock_offset returns")
@@ -229,5 +228,4 @@ def joined(record: Record, other: Record, offset: float = 0.0) -> Record:
         for name, values in run.channels.items():
             channels[name] = np.full(time.size, np.nan)
             channels[name][place] = values
-    return Record(time, channels, kind=record.kind, name=record.name, start=record.start, meta=record.meta,
-                  speed=record.speed, units={**other.units, **record.units})
+    return replace(record, time=time, channels=channels, units={**other.units, **record.units}, file="")

@@ -275,10 +275,7 @@ def sentence(found: Diagnosis) -> str:
 
 
 def also(found: Diagnosis, most: int = 2) -> str:
-    """Return what is said of the sets beside the named one: a zero that is off, or less probable effects.
-
-    Of these `most` are told, the others counted.
-    """
+    """Return what is said of sets beside the named one, `most` in full: a zero that is off, less likely effects."""
     named, sets = {label(found.dofs, e.name, e.dof) for e in found.verdict.effects}, found.verdict.indistinguishable
     others = [s for s in sets if set(s) != named]
     more = [" + ".join(part for part in s if part not in named) for s in others]

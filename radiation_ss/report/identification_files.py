@@ -3,13 +3,14 @@
 import json
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radiation_ss import style
+from radiation_ss.arrays import distinct
 from radiation_ss.atomic import folder_written_whole, write_whole, written_whole
 from radiation_ss.filter.estimate import LEVEL, Band
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -45,18 +46,10 @@ def save(result: Identification, folder: str | Path) -> Path:
     return Path(folder)
 
 
-def file_stems(records: Iterable[str]) -> dict[str, str]:
+def file_stems(records: Collection[str]) -> dict[str, str]:
     """Return a file name without ending for each record's force: letters of any script are kept, names differ."""
-    stems: dict[str, str] = {}
-    taken: set[str] = set()
-    for record in records:
-        stem = "force_" + re.sub(r"[^\w.-]+", "_", record)[:LONGEST_NAME]
-        name, number = stem, 2
-        while name.casefold() in taken:
-            name, number = f"{stem}_{number}", number + 1
-        taken.add(name.casefold())
-        stems[record] = name
-    return stems
+    stems = ("force_" + re.sub(r"[^\w.-]+", "_", record)[:LONGEST_NAME] for record in records)
+    return dict(zip(records, distinct(stems, str.casefold)))
 
 
 def write_force(path: Path, dofs: tuple[str, ...], estimate: ForceEstimate) -> None:

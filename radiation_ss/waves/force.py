@@ -64,10 +64,7 @@ def energy_outside(data: HydroData, sea: Sea) -> tuple[float, str]:
 
 
 def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01, rough: float = 0.1) -> ComplexArray:
-    """Return the complex force amplitudes, shape (n, period // 2 + 1), of which `exciting_force` is the sum in time.
-
-    `rough`: share of a motion's force by which X may curve between its directions without a warning.
-    """
+    """Return force amplitudes, (n, period // 2 + 1), that `exciting_force` sums; warns where X curves by `rough`."""
     data = body.hydro if isinstance(body, Model) else body
     if data is None or data.X is None:
         raise InputError(f"{getattr(data, 'source', '') or 'body'}: the exciting force X is missing")

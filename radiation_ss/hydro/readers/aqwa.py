@@ -60,10 +60,7 @@ class Blocks(text.Lines):
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read an .AH1 file.
-
-    InputError if a block is missing or cut off, or a line has other columns than its block needs.
-    """
+    """Read an .AH1 file."""
     file = Blocks(path)
     headings, omega, count = _heads(file)
     found = _blocks(file, {"b": count, "h": headings.size, "k": omega.size})
@@ -156,9 +153,7 @@ def _blocks(file: Blocks, sizes: dict[str, int]) -> dict[str, Any]:
 
 
 def _general(file: Blocks, count: int) -> list[float]:
-    """Return depth, density, gravity; versions from 18.2 on, with six columns or LHFR in their head, put the structure
-    first.
-    """
+    """Return depth, density, gravity; with six columns or LHFR in their head (from 18.2) the structure is first."""
     head = 1 if any("LHFR" in line for line in file.comments) else 0
     columns = (3, 4, 5) if file.older else (head + 3, head + 5, 6)
     rows = []

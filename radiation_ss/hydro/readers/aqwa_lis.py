@@ -27,16 +27,13 @@ VARIATION = "FORCES-VARIATIONWITHWAVEPERIOD/FREQUENCY"
 FORCES, PART = "FROUDEKRYLOV+DIFFRACTION" + VARIATION, "FROUDEKRYLOV" + VARIATION
 CONSTANTS = {"depth": "WATERDEPTH", "rho": "DENSITYOFWATER", "g": "ACCELERATIONDUETOGRAVITY"}
 
+# At each frequency (0: stiffness, inf: the high one) the 6 x 6 tables by name, structure of force, of motion
 Tables = dict[float, dict[tuple[str, int, int], FloatArray]]
-"""At each frequency (0: stiffness, inf: the high one) the 6 x 6 tables by name, structure of force, of motion."""
 Point = tuple[float, ...]
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read the results of a listing.
-
-    InputError if a table is missing or cut off.
-    """
+    """Read the results of a listing."""
     lines = text.lines(path)
     bare = ["".join(line.split()).upper() for line in lines]
     notes = [f"{path}: frequencies have four decimals, forces three digits here; the .AH1 beside it has more"]
@@ -166,9 +163,7 @@ def _mass(path: Path, lines: list[str], bare: list[str], structure: int) -> Floa
 
 def _forces(path: Path, lines: list[str], bare: list[str], omega: FloatArray,
             count: int) -> tuple[FloatArray, FloatArray]:
-    """Return headings [rad] and rows [structure, heading, frequency, (amplitude, phase in deg), i] of the total force;
-    the Froude-Krylov part, a table above, tells which directions must be there.
-    """
+    """Return headings [rad] and rows [structure, heading, frequency, (amplitude, phase [deg]), i] of the force."""
     groups: dict[tuple[str, int], dict[float, list[list[float]]]] = {
         (name, k): {} for name in (FORCES, PART) for k in range(1, count + 1)}
     inside, name, heading, structure = False, "", None, 1

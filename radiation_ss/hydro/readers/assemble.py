@@ -1,6 +1,7 @@
 """From rows as a file has them to one HydroData: order, limits, missing frequencies, clear errors."""
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import RIGID, ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.linear_waves import wave_number
 from radiation_ss.hydro.measures import REVERSED, horizontal_lead, is_reversed, off_scale
+from radiation_ss.reading import hdf5_text
 from radiation_ss.units import check_water
 
 IntArray = NDArray[np.intp]
@@ -25,10 +27,7 @@ Points = Mapping[str, tuple[float, ...]]
 
 
 def six_dofs(bodies: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of six rigid modes of each body: bare names for one body, `body__Mode` for several.
-
-    A body without a name, '', is called by its number.
-    """
+    """Return the names of six rigid modes of each body, `body__Mode` if several; one without a name has its number."""
     if len(bodies) == 1:
         return RIGID
     names = [name or f"body{k}" for k, name in enumerate(bodies, 1)]
@@ -47,7 +46,6 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     left out, and a note says so. `X` (rows, n_dir, n). `A_inf` (n, n): a limit that the file gives apart from the rows.
     `points`: about which the rotations of each body are taken, see `common_point`; a reader that knows the one point
     gives `reference_point` instead. `notes`: what the reader had to assume or leave out. `fields`: others of HydroData.
-    InputError if a frequency is negative, NaN or there twice, or a value is NaN.
     """
     if "reference_point" not in fields:
         fields["reference_point"], more = common_point(path, dofs, points)
@@ -139,15 +137,19 @@ def bodies(dofs: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(body(dof) for dof in dofs))
 
 
+def body_groups(file: Any) -> tuple[list[str], list[str]]:
+    """Return the groups of the bodies in an open file of BEMIO, in order, and the names of the bodies."""
+    groups = sorted((group for group in file if re.fullmatch(r"body\d+", group)), key=lambda group: int(group[4:]))
+    return groups, [hdf5_text(file, f"{group}/properties/name") or group for group in groups]
+
+
 def _ordered(path: Path | str, omega: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the ascending order of the frequencies and the frequencies in it."""
-    wrong = np.isnan(omega) | (omega < 0.0)
-    if wrong.any():
+    if (wrong := np.isnan(omega) | (omega < 0.0)).any():
         raise InputError(f"{path}: frequencies must be zero, positive or infinite, found {omega[wrong][0]:g} rad/s")
     order = np.argsort(omega, kind="stable")
     omega = omega[order]
-    twice = np.flatnonzero(omega[1:] == omega[:-1])
-    if twice.size:
+    if (twice := np.flatnonzero(omega[1:] == omega[:-1])).size:
         raise InputError(f"{path}: frequency {omega[twice[0]]:g} rad/s is there twice")
     return order, omega
 

@@ -3,7 +3,6 @@
 A / rho, B / (rho w), X / (rho g), C / (rho g); e^{+i w t}; angles in degrees; moments about each body's `cg`.
 """
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +13,14 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.measures import horizontal_lead, is_reversed
-from radiation_ss.hydro.readers.assemble import assemble, constants, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, body_groups, constants, six_dofs
 from radiation_ss.reading import check_size, decoded, hdf5_text
 
 HEAD = "simulation_parameters"
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO).
-
-    InputError if the file is not HDF5, is not BEMIO's, or bodies and sizes do not fit.
-    """
+    """Read a file written by WEC-Sim's BEMIO (or by the older Python BEMIO)."""
     import h5py
 
     def whole() -> HydroData:
@@ -80,12 +76,6 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
     points = {b: _point(path, file, f"{b}/properties/cg") for b in groups if f"{b}/properties/cg" in file}
     return assemble(path, omega, np.moveaxis(A, -1, 0), np.moveaxis(B, -1, 0), dofs, notes=notes,
                     points=points if len(points) == len(groups) else None, **stated, **fields)
-
-
-def body_groups(file: Any) -> tuple[list[str], list[str]]:
-    """Return the groups of the bodies in an open file, in order, and the names of the bodies."""
-    groups = sorted((group for group in file if re.fullmatch(r"body\d+", group)), key=lambda group: int(group[4:]))
-    return groups, [hdf5_text(file, f"{group}/properties/name") or group for group in groups]
 
 
 def _array(path: Path, file: Any, name: str, shape: tuple[int, ...] | None = None) -> FloatArray:

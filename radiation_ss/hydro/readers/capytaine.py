@@ -47,8 +47,8 @@ def read(path: Path, **given: float) -> HydroData:
     return from_dataset(decoded(path, "netCDF dataset", whole), path, **given)
 
 
-def from_dataset(dataset: xr.Dataset, path: Path | str = "dataset", **given: float) -> HydroData:
-    """Return the data of a dataset in Capytaine's form; `given`: rho, g, depth where it does not carry them."""
+def from_dataset(dataset: xr.Dataset, path: Path | str, **given: float) -> HydroData:
+    """Return the data of a dataset in Capytaine's form, called `path`; `given`: rho, g, depth that it lacks."""
     return decoded(path, "dataset of Capytaine's form", lambda: _from_dataset(dataset, path, given))
 
 
@@ -116,8 +116,7 @@ def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> t
                 raise InputError(f"{path}: {name} has {values.size} values {values.tolist()}; one is needed")
             in_file[field] = float(values[0])
     found = constants(path, in_file, given, notes)
-    speeds = np.atleast_1d(data.variables.get("forward_speed", np.zeros(1))).astype(float)
-    if speeds.any():
+    if (speeds := np.atleast_1d(data.variables.get("forward_speed", np.zeros(1))).astype(float)).any():
         rest = "; take ds.sel(forward_speed=0)" if speeds.size > 1 and np.any(speeds == 0.0) else ""
         raise InputError(f"{path}: forward_speed = {', '.join(f'{v:g}' for v in speeds)} m/s; only zero speed is "
                          f"supported{rest}")
@@ -126,8 +125,7 @@ def _constants(path: Path | str, data: xr.Dataset, given: dict[str, float]) -> t
 
 def _along_frequency(path: Path | str, data: xr.Dataset) -> tuple[xr.Dataset, str]:
     """Return the dataset with a variable omega [rad/s], and the dimension along which it runs."""
-    name = next((name for name in FREQUENCIES if name in data.variables), None)
-    if name is None:
+    if (name := next((name for name in FREQUENCIES if name in data.variables), None)) is None:
         raise InputError(f"{path}: no coordinate omega [rad/s], period [s] or freq [Hz]")
     unit = str(data[name].attrs.get("units", FREQUENCIES[name]))
     if plain_unit(unit.replace(" per ", "/")).lower() != FREQUENCIES[name].lower():
@@ -210,11 +208,9 @@ def _directions(path: Path | str, force: xr.DataArray) -> FloatArray:
     return angle
 
 
-def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
-                     ) -> tuple[tuple[float, ...], list[str]]:
+def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...]) -> tuple[tuple[float, ...], list[str]]:
     """Capytaine turns about `rotation_center`, and where none was set about the centre of mass."""
-    name = next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)
-    if name is None:
+    if (name := next((n for n in ("rotation_center", "center_of_mass") if n in data.variables), None)) is None:
         return common_point(path, dofs, None)
     center = data[name]
     points = center.values.reshape(-1, 3) if center.size % 3 == 0 and center.size else np.full((1, 3), np.nan)
@@ -230,10 +226,7 @@ def _reference_point(path: Path | str, data: xr.Dataset, dofs: tuple[str, ...],
 
 
 def to_dataset(data: HydroData) -> xr.Dataset:
-    """Return a dataset in Capytaine's form; everything a HydroData holds comes back the same.
-
-    The limits of the added mass become rows omega = 0 and omega = inf, where damping is 0 and no exciting force is.
-    """
+    """Return a dataset in Capytaine's form; limits of the added mass are rows omega = 0 and inf, without B and X."""
     import xarray as xr
 
     low, high = data.A_zero is not None, data.A_inf is not None
@@ -245,8 +238,7 @@ def to_dataset(data: HydroData) -> xr.Dataset:
                      coords={"omega": omega, "influenced_dof": names, "radiating_dof": names, "rho": data.rho,
                              "g": data.g, "water_depth": data.depth, "forward_speed": 0.0})
     for field, name in SQUARE.items():
-        value = getattr(data, field)
-        if value is not None:
+        if (value := getattr(data, field)) is not None:
             out[name] = (square, value)
     if data.X is not None:
         X = np.pad(data.X.conj(), ((low, high), (0, 0), (0, 0)), constant_values=complex(np.nan, -np.nan))

@@ -28,11 +28,7 @@ class RaoTable(NamedTuple):
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read all .rao files of a folder, which is named itself or by one of them.
-
-    InputError if one of the 36 added masses or dampings is missing, or heads, frequencies or headings differ between
-    files.
-    """
+    """Read all .rao files of a folder, which is named itself or by one of them."""
     folder = path if path.is_dir() else path.parent
     first = _table(folder / "AddedMass_11.rao")
     A, B = (np.stack([[_same(folder, first, f"{name}_{i}{j}.rao").values[:, 0].real for j in range(1, 7)]

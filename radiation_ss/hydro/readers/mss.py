@@ -17,10 +17,7 @@ from radiation_ss.reading import decoded, read_mat
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read a vessel structure at zero speed.
-
-    InputError if the file is not a MATLAB file up to v7, or holds no vessel with freqs, A and B.
-    """
+    """Read a vessel structure at zero speed."""
     content = decoded(path, "MATLAB file", lambda: read_mat(path))
     vessel = content.get("vessel")
     if not isinstance(vessel, dict):

@@ -32,10 +32,7 @@ class NemohCase(NamedTuple):
 
 
 def read(path: Path, **given: float) -> HydroData:
-    """Read the folder of a run (or its Nemoh.cal); files may lie in it or in Results, Mesh and Mechanics.
-
-    InputError if Nemoh.cal or the radiation coefficients are missing, or counts do not fit.
-    """
+    """Read the folder of a run (or its Nemoh.cal); files may lie in it or in Results, Mesh and Mechanics."""
     folder = path if path.is_dir() else path.parent
     case = _case(_needed(folder, "Nemoh.cal"))
     n = len(case.dofs)
@@ -43,8 +40,7 @@ def read(path: Path, **given: float) -> HydroData:
     stated = constants(folder, case._asdict(), given, notes)
     omega, A, B = _radiation(_needed(folder, "RadiationCoefficients.tec"), n)
     fields: dict[str, Any] = {}
-    forces = _find(folder, "ExcitationForce.tec")
-    if forces is not None:
+    if (forces := _find(folder, "ExcitationForce.tec")) is not None:
         angle, X = _forces(forces, n, omega)
         if angle.size != case.directions:
             raise InputError(f"{forces}: {angle.size} directions found, {case.directions} needed as Nemoh.cal says")
@@ -75,8 +71,7 @@ def _find(folder: Path, name: str) -> Path | None:
 
 
 def _needed(folder: Path, name: str) -> Path:
-    path = _find(folder, name)
-    if path is None:
+    if (path := _find(folder, name)) is None:
         raise InputError(f"{folder}: {name} is missing; a NEMOH run's folder is needed")
     return path
 
@@ -152,8 +147,7 @@ def _omega(path: Path, head: str, column: FloatArray) -> FloatArray:
     """Return rad/s of the first column, whose unit the head names."""
     if (column <= 0.0).any():
         raise InputError(f"{path}: frequency {column[column <= 0.0][0]:g} is not positive")
-    unit = next((u for u in UNITS if u in head.lower()), None)
-    if unit is None:
+    if (unit := next((u for u in UNITS if u in head.lower()), None)) is None:
         raise InputError(f"{path}: the unit of the first column (rad/s, Hz or s) is not in the head {head[:40]!r}")
     return UNITS[unit](column)
 

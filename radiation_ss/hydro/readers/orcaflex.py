@@ -37,10 +37,7 @@ Line = tuple[int, int, str]  # number, indentation, content
 
 
 def read(path: Path, *, vessel: str | None = None, draught: str | None = None, **given: float) -> HydroData:
-    """Read the vessel type and its draught with frequency-dependent added mass and damping, of several the one named.
-
-    InputError if there is none or more than one, a convention or unit is not known, or a matrix is not whole.
-    """
+    """Read the vessel type and draught with frequency-dependent added mass and damping, of several the one named."""
     file = _Tree(path)
     kind, state = file.vessel(vessel, draught)
     general, sea = file.top("General"), file.top("Environment")
@@ -204,8 +201,7 @@ class _Tree:
         value = str(tree.get(key))
         if value == "Infinity":
             return np.inf
-        found = text.number(value)
-        if found is None:
+        if (found := text.number(value)) is None:
             raise InputError(f"{self.path}: {key}: a number is needed, found {value[:60]!r}")
         return found
 
@@ -224,10 +220,7 @@ class _Tree:
             return np.asarray(WAVES[says](np.asarray(values, dtype=float)))
 
     def table(self, tree: Tree, start: str, shape: tuple[int | None, ...], limits: bool = False) -> FloatArray:
-        """Return the numbers of the entry whose name begins with `start`; rows stand in brackets.
-
-        With `limits` a row may begin with Infinity.
-        """
+        """Return the numbers of the entry whose name begins with `start`; with `limits` Infinity may begin a row."""
         key = next((key for key in tree if key == start or (key.startswith(start) and "," in key)), "")
         value = tree.get(key)
         lines: list[Any] = value if isinstance(value, list) else [value]

@@ -28,8 +28,7 @@ def lines(path: Path) -> list[str]:
 
 def number(token: str) -> float | None:
     """Return the finite value of a token, or None where it is none (words, NaN, asterisks of an overflow)."""
-    match = _NUMBER.fullmatch(token)
-    if match is None:
+    if (match := _NUMBER.fullmatch(token)) is None:
         return None
     mantissa, exponent, bare = match.groups()
     value = float(f"{mantissa}e{exponent or bare or 0}")
@@ -45,8 +44,7 @@ def row(path: Path, k: int, text: str, columns: int | Iterable[int] | None, what
         raise InputError(f"{path}, line {k + 1}: {len(tokens)} columns found, {wanted} needed ({what})")
     values = []
     for token in tokens:
-        value = number(token)
-        if value is None:
+        if (value := number(token)) is None:
             raise InputError(f"{path}, line {k + 1}: {token!r} is not a finite number ({what})")
         values.append(value)
     return values

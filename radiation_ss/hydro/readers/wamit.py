@@ -123,14 +123,12 @@ def _names(path: Path, modes: list[int], known: int, stiff: int, length: float) 
 
 def _at_rows(path: Path, omega: FloatArray, found: FloatArray, X: Any) -> Any:
     """Bring the forces to the rows of the radiation coefficients, which need the same frequencies; limits have none."""
-    order, inside = np.argsort(omega), (omega > 0.0) & np.isfinite(omega)
-    at = order[np.clip(np.searchsorted(omega[order], found * (1.0 - 1e-6)), 0, omega.size - 1)]
-    missed = ~np.isclose(omega[at], found, rtol=1e-6, atol=0.0)
-    if missed.any() or np.unique(at).size < at.size or not np.isin(np.flatnonzero(inside), at).all():
+    inside, same = (omega > 0.0) & np.isfinite(omega), np.isclose(omega[:, None], found, rtol=1e-6, atol=0.0)
+    if (same.sum(axis=0) != 1).any() or (same.sum(axis=1) > 1).any() or not same[inside].any(axis=1).all():
         raise InputError(f"{path}: exciting forces at {found.size} frequencies, added mass at {int(inside.sum())}, not "
                          "the same ones; a file is cut off or of another run")
     rows = np.full((omega.size, *X.shape[1:]), complex(np.nan, np.nan))
-    rows[at] = X
+    rows[same.argmax(axis=0)] = X
     return rows
 
 
@@ -159,10 +157,7 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
 
 
 def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
-    """Parse PER BETA I MOD PHASE RE IM.
-
-    Both forms of a number are at most a share `apart` apart: whole degrees make .9 %, a turned sign up to 200 %.
-    """
+    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %)."""
     table: Table = {}
     for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
         X, polar = complex(values[5], values[6]), values[3] * np.exp(1j * np.deg2rad(values[4]))
@@ -256,8 +251,7 @@ def _matrices(root: Path, data: HydroData) -> dict[str, FloatArray]:
             name = " ".join(line.split()).replace("External Damping", "External Linear Damping")  # of older versions
             found[name] = np.array([text.row(path, k + 1 + n, row, 6, "6 values") for n, row in enumerate(rows[:6])])
     names = ("Body Mass Matrix:", "External Linear Damping Matrix:", "External Restoring Matrix:")
-    lost = [name for name in names if name not in found]
-    if lost:
+    if lost := [name for name in names if name not in found]:
         raise InputError(f"{path}: no heading {lost[0]!r}")
     mass, damping, more = (found[name] for name in names)
     fields = {"M": mass, "D": damping, "C": None if data.C is None else data.C + more}

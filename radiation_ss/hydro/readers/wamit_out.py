@@ -208,8 +208,7 @@ def matrices(path: Path, table: Table, last: int) -> Radiation:
     modes = sorted(i for i, j in usual if i == j)
     if not modes:
         raise InputError(f"{path}: no diagonal entry of the added mass in it")
-    lone = next(((i, j) for i, j in sorted(usual) if (j, i) not in usual), None)
-    if lone is not None:
+    if (lone := next(((i, j) for i, j in sorted(usual) if (j, i) not in usual), None)) is not None:
         raise InputError(f"{path}: added mass of modes {lone[0]}, {lone[1]} is there and that of {lone[1]}, {lone[0]} "
                          "is not; the whole matrix is needed, both triangles")
     pairs = np.array([[[entries.get((i, j), (0.0, 0.0)) for j in modes] for i in modes] for entries in table.values()])
@@ -257,9 +256,7 @@ def to_omega(column: FloatArray, reading: str, g: float, depth: float, length: f
 
 
 def recognise(rows: Radiation, g: float, depth: float, length: float, clear: float = 5.0) -> tuple[str, str]:
-    """Return the reading of the first column, and a note: a period, unless another leaves at most 1/`clear` of its
-    Kramers-Kronig residual.
-    """
+    """Return the reading of the first column and a note: a period unless another fits Kramers-Kronig much better."""
     column = rows.period
     inside = column > 0.0
     if inside.sum() < 8:

@@ -28,10 +28,7 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Underwater part of a section that is symmetric about the centre line; y to the side, z up from the still water.
-
-    InputError if the contour is open, leaves the water or the half plane y >= 0, or crosses itself.
-    """
+    """Underwater part of a section symmetric about the centre line; y to the side, z up from the still water."""
 
     # The half contour y >= 0, from the keel (0, -draft) to the waterline (half_breadth, 0), piece by piece [m]
     arcs: tuple[Arc, ...]
@@ -147,10 +144,7 @@ def lewis_section(half_breadth: float, draft: float, area_ratio: float) -> Secti
 
 
 def circle_section(radius: float, draft: float | None = None) -> Section:
-    """Return a circular cylinder of given radius, floating at a draft (default: half immersed).
-
-    InputError if radius or draft is not positive, or the circle is fully submerged.
-    """
+    """Return a circular cylinder of given radius, floating at a draft (default: half immersed)."""
     a = positive(radius, "radius", "m")
     d = a if draft is None else positive(draft, "draft", "m")
     if d >= 2.0 * a:
@@ -160,10 +154,7 @@ def circle_section(radius: float, draft: float | None = None) -> Section:
 
 
 def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) -> Section:
-    """Return a rectangular section with rounded bilges.
-
-    InputError if a length is not positive or the bilge radius exceeds half-breadth or draft.
-    """
+    """Return a rectangular section with rounded bilges."""
     b, d = positive(half_breadth, "half_breadth", "m"), positive(draft, "draft", "m")
     r = float(bilge_radius)
     if not 0.0 <= r <= min(b, d):
@@ -180,11 +171,7 @@ def box_section(half_breadth: float, draft: float, bilge_radius: float = 0.0) ->
 
 def _arc(contour: Callable[[FloatArray], ComplexArray]) -> Arc:
     """Return an analytic curve as a Chebyshev series exact to rounding (so that a Section pickles)."""
-    nodes = 0.5 * (1.0 - np.cos(np.pi * (np.arange(48) + 0.5) / 48))
-    values = contour(nodes)
-    y, z = (np.array(Chebyshev.fit(nodes, part, 40, domain=[0.0, 1.0]).coef, dtype=complex)
-            for part in (values.real, values.imag))
-    series = Chebyshev(y + 1j * z, domain=[0.0, 1.0])
+    series = Chebyshev.interpolate(contour, 40, domain=[0.0, 1.0])
     return Arc(series, series.deriv())
 
 
@@ -240,8 +227,6 @@ def read_section(path: str | Path) -> Section:
     """Read offsets from a text file of two columns y, z [m]; comma or blank separated, `#` comments, one header line.
 
     A unit that the header states in brackets, one of both columns or two, is converted.
-
-    InputError naming file and line, if a line does not hold two numbers or the points are no section.
     """
     entries = [(k, entry) for k, line in enumerate(lines(Path(path))) if (entry := line.split("#", 1)[0].strip())]
     rows = [(k, " ".join(cell.strip() or "(empty)" for cell in entry.split("," if "," in entry else None)))

@@ -250,5 +250,4 @@ def check(omega: FloatArray, A: FloatArray, B: FloatArray, X: ComplexArray, fiel
 
 
 def _by_mode(difference: np.ndarray, scale: FloatArray) -> dict[str, float]:
-    worst = np.abs(difference).max(axis=0) / scale
-    return dict(zip(DOFS, worst.tolist()))
+    return dict(zip(DOFS, (np.abs(difference).max(axis=0) / scale).tolist()))
