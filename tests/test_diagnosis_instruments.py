@@ -231,3 +231,4 @@ def test_a_zero_that_is_off_in_one_record_is_a_sensor_or_a_steady_force(zero, st
     found = rss.diagnose(MODEL, records)
     assert found.verdict.status == status
     assert set(found.verdict.indistinguishable) == ({("constant_force",), ("sensor_bias",)} if zero else set())
+    assert ("known place" in found.verdict.next_record) == bool(zero)

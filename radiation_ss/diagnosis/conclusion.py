@@ -158,7 +158,7 @@ def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], r
     else:
         status, chance, sets = verdict(on, found, problem.model.dofs)
     return Answer(status, on.named if status == "effect" else (), float(chance), sets,
-                  tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status))
+                  tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status, sets))
 
 
 def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float, tuple[Names, ...]]:
@@ -286,12 +286,15 @@ def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
     return HowFar(ledger.before, retuned, ledger.after, ledger.noise, share, (low, high), ledger.unseen)
 
 
-def next_record(kinds: set[str], forced: bool, status: str) -> str:
-    """Return what to measure next: a kind of test that was not given."""
+def next_record(kinds: set[str], forced: bool, status: str, sets: Sequence[Names]) -> str:
+    """Return what to measure next: a kind of test that was not given, or what tells the sets apart."""
     if status in ("no_gap", "effect"):
         return ""
     if status == "slow":
         return "the force that pulls or holds the body (kind static), or its release (kind decay)"
+    apart = {told for names in sets for told in names if not all(told in other for other in sets)}
+    if apart and all(told.partition(" on ")[0] in zeros() for told in apart):
+        return "the sensor's reading of a known place: in any motion a steady force looks like a zero that is off"
     if "decay" not in kinds and "prescribed" not in kinds:
         return "a decay test from a large displacement"
     if not forced:
