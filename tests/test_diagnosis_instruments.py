@@ -207,7 +207,7 @@ def test_clocks_that_differ_from_record_to_record_are_told_of_the_records():
     def told(lags):
         records = []
         for seed, lag in enumerate(lags):
-            time, force, x, _, rng = driven(seed, 0.8, 4.0)
+            time, force, x, _, rng = driven(seed, 0.8, 4.0, count=800)
             kept = slice(20, -20)
             late = CubicSpline(time, x)(time[kept] - lag) + 2e-3 * x.std() * rng.normal(size=time[kept].size)
             records.append(rss.Record(time[kept], {"Heave": late, "Heave_force": force[kept]}, kind="forced",

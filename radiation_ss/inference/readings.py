@@ -172,8 +172,8 @@ def aside(model: Model, record: Record, i: int, flat: float = 0.7) -> bool:
     Of a free or forced motion it is what is faint against the others. `flat`: as in `noise_only`.
     """
     loads = [record.channels[f"{dof}_force"] for dof in model.dofs if loaded(record, dof)]
-    let_go = record.kind == "decay"
-    if record.kind not in ("static", "forced", "decay") or not (loads or let_go) or loaded(record, model.dofs[i]):
+    driven = bool(loads) and record.kind in ("static", "forced")
+    if loaded(record, model.dofs[i]) or not (driven or record.kind == "decay"):
         return False
     if record.kind != "static":
         moved = np.array([np.nanstd(record.channels.get(dof, np.zeros(1))) for dof in model.dofs])

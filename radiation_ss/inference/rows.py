@@ -119,8 +119,8 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
                 use = [q for q in others if q.bins > k]
                 at = [q.dof for q in use]
                 both, side = S[k][np.ix_(at, at)], S[k][at, p.dof]
-                own = np.stack([sum((share * scale[o.rows][min(k, o.bins - 1)::o.bins]) ** 2 * inertia[q.dof]
-                                    / inertia[o.dof] for o in mine) for q in use], axis=1)[:, None] + 1e-300
+                forces = sum(scale[o.rows][min(k, o.bins - 1)::o.bins] ** 2 / inertia[o.dof] for o in mine)
+                own = share**2 * np.outer(forces, inertia[at])[:, None] + 1e-300
                 t = -np.linalg.solve(both + np.eye(len(at)) * own, side[:, None])[..., 0]
                 # What takes out no more than rounding would carry all of another motion's unknowns along.
                 t[np.abs(t) * np.sqrt(np.diag(both)) < rounding * np.sqrt(S[k][p.dof, p.dof])] = 0.0
