@@ -94,7 +94,7 @@ def test_dry_friction_is_named_with_its_size(friction):
     assert found.baseline["nonlinearity_test"]["dry friction [Heave]"]["estimate"] == pytest.approx(friction, rel=0.2)
 
 
-@pytest.mark.parametrize("drag", [0.0, 400.0, 800.0])
+@pytest.mark.parametrize("drag", [0.0, 400.0])
 def test_drag_is_named_by_the_elevation_too(drag):
     """The truth is an integration by scipy under the sum of |X| a cos(w t); the model's X is a tenth too large."""
     rng, body = np.random.default_rng(5), with_waves(tank())
