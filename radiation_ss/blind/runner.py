@@ -136,11 +136,29 @@ def generate(folder: str | Path, cases: int = 200, seed: int | None = None, *, k
              drift: float | None = None) -> Sealed:
     """Write sealed cases; the labels in another folder, their SHA-256 beside the cases.
 
-    `folder` gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the
-    unseen test's motion. `seed`: fresh from the system if not given, kept under the seal. `kinds`: sets of records.
-    `groups`: classes of cases, in turn; by default by the shares of `mix`: "standard", "nulls" (nothing is hidden) or
-    as `mix_of` has them. `bodies`: of `BODIES`, in turn; by default drawn by `SHARES`. `drift`: share of the motion by
-    which the zero of every displacement sensor wanders; if not given, up to 2 % in three of ten cases.
+    Parameters
+    ----------
+    folder : path
+        Gets cases/000/MODEL.nc, records and the unseen test's input; `<folder>-sealed` gets the labels and the unseen
+        test's motion.
+    seed : int, optional
+        Fresh from the operating system if not given; kept under the seal.
+    kinds : sequence of str
+        Sets of records: decays, decays+waves, waves, elevation, motion-only.
+    groups : sequence of str, optional
+        Classes of cases, in turn; by default by the shares of `mix`.
+    bodies : sequence of str, optional
+        heave, sway-roll, roll, six-free, six-moored in turn; by default drawn by `SHARES`.
+    mix : str
+        "standard", "nulls" (nothing is hidden in any case) or shares of the classes, as in "none=.5,single=.5".
+    drift : float, optional
+        By which share of the motion the zero of every displacement sensor wanders; in three of ten cases, by up to 2 %,
+        if not given.
+
+    Raises
+    ------
+    InputError
+        If the folder holds a whole run already, or one was begun there with other settings.
     """
     folder = Path(folder)
     if (folder / MANIFEST).exists():
