@@ -7,15 +7,16 @@ from radiation_ss.errors import InputError
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0, "d": 86400.0}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
-FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "gf": 9.80665e-3, "kgf": 9.80665, "tf": 9806.65,
+GRAVITY = 9.80665  # standard gravity [m/s^2], by which weights are forces
+FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "gf": 1e-3 * GRAVITY, "kgf": GRAVITY, "tf": 1e3 * GRAVITY,
          "lbf": 4.4482216152605}
 # By the SI unit, what each unit of the same quantity is in it
 UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
          "N m": {f"{force} {arm}": n * m for force, n in FORCE.items() for arm, m in LENGTH.items()}}
 UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
           for si in ("m", "rad") for rate in ("/s", "/s^2")}
-UNITS["m/s^2"]["g"] = 9.80665
-DENSITY = {"t/m^3": 1e3, "kN/m^3": 1e3 / 9.80665, "slug/ft^3": 515.378818, "lb/ft^3": 16.018463}
+UNITS["m/s^2"]["g"] = GRAVITY
+DENSITY = {"t/m^3": 1e3, "kN/m^3": 1e3 / GRAVITY, "slug/ft^3": 515.378818, "lb/ft^3": 16.018463}
 KNOT = 1852.0 / 3600.0  # m/s
 _SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "day": "d", "days": "d",
            "°": "deg", "º": "deg", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad",

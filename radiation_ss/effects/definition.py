@@ -15,7 +15,7 @@ from radiation_ss.hydro.data import body, mode
 __all__ = ["Active", "Effect", "Parameter", "Scales", "Slab", "named", "numeric", "slab", "typical_force"]
 Expression = Callable[[Any, Any], Any]
 # Where the flow of the waves is known, below the surface, in shares of the edge of a cube of the body's displacement
-DEPTHS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
+DEPTHS = tuple(k / 3 for k in range(4))
 SCOPES = ("dof", "body", "pair", "directed", "between")
 
 

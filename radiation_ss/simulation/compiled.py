@@ -92,18 +92,14 @@ class Compiled:
         """Return every output of `count` samples, shapes (count, columns, rows). An argument of three axes has a sample
         on the first, any other is the same for all samples; the last one are the parameters.
         """
-        (work, decided), x, at = self.prepared(np.asarray(arguments[-1])), np.empty((count, self.width)), 0
+        x, at = np.empty((count, self.width)), 0
         for a in arguments[:-1]:
             part = np.reshape(a, (count, -1)) if np.ndim(a) == 3 else np.ravel(a)
             x[:, at:at + part.shape[-1]] = part
             at += part.shape[-1]
-        found = np.tile(decided, (count, 1))
-        with np.errstate(all="ignore"):
-            for some in (slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)):
-                results = np.ascontiguousarray(found[some].T)
-                for place, value in self.stepped(list(work), np.ascontiguousarray(x[some].T), np):
-                    results[place] = value
-                found[some] = results.T
+        p, found = np.asarray(arguments[-1]), np.empty((count, self.outputs))
+        for some in (slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)):
+            found[some] = self.along(np.ascontiguousarray(x[some].T), p).T
         parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
         return [part.reshape(count, *shape) for part, shape in zip(parts, self.shapes)]
 

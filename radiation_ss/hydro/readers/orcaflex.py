@@ -16,7 +16,7 @@ from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, HydroData
 from radiation_ss.hydro.readers import text
 from radiation_ss.hydro.readers.assemble import assemble, constant, delay, log
-from radiation_ss.units import FORCE, LENGTH
+from radiation_ss.units import FORCE, GRAVITY, LENGTH
 
 MASS = {"kg": 1.0, "te": 1000.0, "lb": 0.45359237, "kips": 453.59237, "slug": 14.593903}
 POSITIVE = {"SurgePositive": ("forward", "aft"), "SwayPositive": ("port", "starboard"), "HeavePositive": ("up", "down"),
@@ -50,7 +50,7 @@ def read(path: Path, *, vessel: str | None = None, draught: str | None = None, *
     if "depth" not in given and depth < np.inf:
         notes.append(f"{path}: depth {depth:g} m is the model's; the coefficients may be of another (option depth=)")
     rho = constant(path, "rho", mass / length ** 3 * file.number(sea, "Density"), given, 1000.0, notes)
-    g = constant(path, "g", length * file.number(general, "g") if "g" in general else 9.80665, given, 9.80665, notes)
+    g = constant(path, "g", length * file.number(general, "g") if "g" in general else GRAVITY, given, GRAVITY, notes)
     power = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
     scale = length ** (power[:, None] + power)  # a rotation brings in a length each
     if GROUPS in file.sections:

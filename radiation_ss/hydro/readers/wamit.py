@@ -17,6 +17,7 @@ from radiation_ss.hydro.measures import horizontal_lead, is_led, is_reversed
 from radiation_ss.hydro.readers import text, wamit_out
 from radiation_ss.hydro.readers.assemble import assemble, bodies, constant, constants, log, six_dofs
 from radiation_ss.hydro.readers.wamit_out import MOST_MODES, Entries, Forces, Header, Radiation, Table, add
+from radiation_ss.units import GRAVITY
 
 
 def read(path: Path, *, length: float | None = None, first_column: str | None = None, **given: float) -> HydroData:
@@ -209,7 +210,7 @@ def read_hams(path: Path, **given: float) -> HydroData:
     found = [path] if is_wamit_form(path) else sorted((root / "Output" / "Wamit_format").glob("*.1"))
     if len(found) != 1:
         raise InputError(f"{root}: {len(found)} files Output/Wamit_format/*.1; one is needed")
-    known = {"rho": 1025.0, "g": 9.80665, "depth": depth if depth > 0.0 else np.inf}
+    known = {"rho": 1025.0, "g": GRAVITY, "depth": depth if depth > 0.0 else np.inf}
     data = read(found[0], first_column=COLUMN[kind], **{**known, **given})
     point = tuple(_entry(control, lines, "Reference_body_center", 3))
     notes = [note for note in data.notes if "not say about which point" not in note and "not in the file" not in note]
