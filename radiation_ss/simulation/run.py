@@ -14,7 +14,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model, linear_terms
 from radiation_ss.effects import Active, activated
 from radiation_ss.effects.definition import vector_of
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError
 from radiation_ss.methods import accepting
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.convert import as_record_or_force
@@ -169,23 +169,15 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
     A fitted start is sought near the state `near`, too. Where an effect is not linear or has states of its own, steps
-    are halved until that leaves the motion as it is, so many times at most.
+    are halved, and halved again where it sets in at once: so many times at most.
     """
     linear = tuple(a for a in actives if a.effect.linear)
     h = step_size(model, [record], linear) if step is None else step
     if all((a.effect.linear and not a.effect.states) or a.effect.family == "nominal"
            or not (a.effect.force or a.effect.input) for a in actives):
         return run_in_steps(model, record, actives, start, h, trim, near)
-    for count in range(max(a.effect.halvings for a in actives), halvings):
-        try:
-            coarse = run_in_steps(model, record, actives, start, h / 2**count, trim, near)
-            near = coarse[2].state[0]
-            fine = run_in_steps(model, record, actives, near, h / 2 ** (count + 1), trim)
-        except SolverError:
-            continue
-        if alike(coarse[2], fine[2], model):
-            return fine
-    return run_in_steps(model, record, actives, start, h / 2**halvings, trim, near)
+    always = 1 + max(a.effect.halvings for a in actives)
+    return run_in_steps(model, record, actives, start, h / 2**always, trim, near, halvings - always)
 
 
 def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bool:
@@ -198,13 +190,14 @@ def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bo
 
 
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
-                 trim: bool, near: FloatArray | None = None) -> tuple[Rollout, Prepared, Motion, FloatArray]:
-    """Roll a model with effects through a record in steps of h [s]."""
+                 trim: bool, near: FloatArray | None = None,
+                 halvings: int = 0) -> tuple[Rollout, Prepared, Motion, FloatArray]:
+    """Roll a model with effects through a record in steps of h [s], halved so many times where that is needed."""
     prepared = prepare(model, record, h, trim=trim)
     if prepared.force is None:
         raise InputError(f"record {record.name}: its exciting force is unknown (no <Dof>_force column, and no "
                          "wave_elevation with X in the model); a motion cannot be predicted")
-    rollout = Rollout(model, actives, h)
+    rollout = Rollout(model, actives, h, halvings)
     p = vector_of(actives)
     drive = rollout.drive(prepared, p)
     if start is None:
