@@ -114,18 +114,15 @@ def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, 
     step = 0.25 * float(np.median(np.diff(time)))
     even = np.arange(time[0], time[-1] + step, step)
     v = np.stack([f(np.minimum(even, time[-1]), 1) for f in splines], axis=1)
-    earlier = np.zeros((0, model.n))
+    a, b, start = model.fit.a, model.fit.b, np.zeros(model.fit.states)
     moving = np.abs(v).max() * np.array([1.0, omega])
     begun = np.array([[f(time[0], 1), f(time[0], 2)] for f in splines])
     if omega > 0.0 and np.any(np.abs(begun) > 0.05 * moving):
-        slowest = np.log(100.0) / max(float(np.min(-np.linalg.eigvals(model.fit.a).real)), 1e-3 * omega)
-        count = min(max(round(2.0 * np.pi / omega / step), 4), even.size)
-        known, past = even[:count] - even[0], np.arange(-min(round(slowest / step), 4 * even.size), 0) * step
-        wave = [np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1) for t in (known, past)]
-        earlier = wave[1] @ np.linalg.lstsq(wave[0], v[:count], rcond=None)[0]
-    states = propagate(exact_step(model.fit.a, model.fit.b, step), np.concatenate([earlier, v]),
-                       np.zeros(model.fit.states))[len(earlier):]
-    return np.asarray(CubicSpline(even, states)(time))
+        phase = omega * (even[:max(round(2.0 * np.pi / omega / step), 4)] - even[0])
+        wave = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        cosine, sine = np.linalg.lstsq(wave, v[:phase.size], rcond=None)[0]
+        start = np.linalg.solve(1j * omega * np.eye(start.size) - a, b @ (cosine - 1j * sine)).real
+    return np.asarray(CubicSpline(even, propagate(exact_step(a, b, step), v, start))(time))
 
 
 def wave_drive(model: Model, record: Record, equations: MotionEquations, time: FloatArray) -> FloatArray:

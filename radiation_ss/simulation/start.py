@@ -89,16 +89,14 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
         except SolverError:
             return np.inf
 
-    read = np.zeros(rollout.ns)
+    read, known, rest = np.zeros((3, rollout.ns))
     for channel in head.channels:
         if channel.quantity == "displacement":
             read[rollout.model.fit.states + channel.dof] = channel.value[0]
-    known = np.zeros(rollout.ns)
     if near is not None:
-        known[: min(near.size, known.size)] = near[: known.size]
-    guesses = [np.asarray(np.linalg.lstsq(basis, s, rcond=None)[0], dtype=np.float64)
-               for s in (read, *([known] if known.any() else []))]
-    guesses.append(np.zeros(basis.shape[1]))
+        known[:near.size] = near[:known.size]
+    guesses = [np.asarray(np.linalg.lstsq(basis, state, rcond=None)[0], dtype=np.float64)
+               for state in (read, known, rest) if state is not known or known.any()]
     costs = [cost(q) for q in guesses]
     q, now = guesses[int(np.argmin(costs))], min(costs)
     if not np.isfinite(now):
