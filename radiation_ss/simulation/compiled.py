@@ -99,7 +99,7 @@ class Compiled:
             at += part.shape[-1]
         p, found = np.asarray(arguments[-1]), np.empty((count, self.outputs))
         for some in (slice(begin, begin + BLOCK) for begin in range(0, count, BLOCK)):
-            found[some] = self.along(np.ascontiguousarray(x[some].T), p).T
+            found[some] = self.along([*np.ascontiguousarray(x[some].T)], p).T
         parts = np.split(found, np.cumsum([columns * rows for columns, rows in self.shapes])[:-1], axis=1)
         return [part.reshape(count, *shape) for part, shape in zip(parts, self.shapes)]
 

@@ -121,7 +121,8 @@ def radiation_states(model: Model, splines: Sequence[Spline], time: FloatArray, 
         phase = omega * (even[:max(round(2.0 * np.pi / omega / step), 4)] - even[0])
         wave = np.stack([np.cos(phase), np.sin(phase)], axis=1)
         cosine, sine = np.linalg.lstsq(wave, v[:phase.size], rcond=None)[0]
-        start = np.linalg.solve(1j * omega * np.eye(start.size) - a, b @ (cosine - 1j * sine)).real
+        steady = np.linalg.solve(1j * omega * np.eye(start.size) - a, b @ (cosine - 1j * sine))
+        start[:] = steady.real
     return np.asarray(CubicSpline(even, propagate(exact_step(a, b, step), v, start))(time))
 
 
@@ -156,37 +157,20 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
 
     Each row from the linear model's, its step halved where it does not help; own states, velocities and waves are zero.
     """
-    equations = MotionEquations(model, tuple(actives))
-    p = vector_of(equations.actives)
-    n, m, nt = model.n, model.fit.states, len(force)
-    x_symbol, f_symbol, p_symbol = ca.SX.sym("x", n), ca.SX.sym("f", n), ca.SX.sym("p", equations.np)
-    point = ca.vertcat(ca.SX.zeros(m), x_symbol, ca.SX.zeros(2 * n + equations.own))
-    drive = ca.horzcat(ca.vertcat(f_symbol, ca.SX.zeros(equations.drives - n)), ca.SX.zeros(equations.drives, 2))
-    left = equations.beyond(point, drive, 0.0, p_symbol) - ca.mtimes(ca.DM(model.C), x_symbol)
-    balance = Compiled(ca.Function("balance", [x_symbol, f_symbol, p_symbol],
-                                   [ca.densify(left), ca.densify(ca.jacobian(left, x_symbol))]))
-
-    def at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        value, slope = balance.all(nt, x[:, None], force[:, None], p)
-        return value[:, 0], slope.swapaxes(1, 2)
-
-    x = force @ np.linalg.pinv(model.C).T
-    value, slope = at(x)
-    size = np.linalg.norm(np.abs(force) + np.abs(value), axis=1).max() or 1.0
-    for _ in range(iterations):
-        free = [dof for i, dof in enumerate(model.dofs) if not slope[:, i].any(axis=1).all()]
-        if free:
-            raise InputError(f"static test: nothing restores {', '.join(free)}; give the model a stiffness there, or "
-                             "an effect that restores")
-        move = -np.linalg.solve(slope, value[:, :, None])[:, :, 0]
-        share = np.ones(nt)
-        for _ in range(20):
-            tried, tried_slope = at(x + share[:, None] * move)
-            worse = np.linalg.norm(tried, axis=1) > np.linalg.norm(value, axis=1) + 1e-14 * size
-            if not worse.any():
-                break
-            share[worse] *= 0.5
-        x, value, slope = x + share[:, None] * move, tried, tried_slope
-        if np.abs(value).max() < 1e-10 * size:
-            return x
-    raise SolverError("static test: no equilibrium is found under the force")
+    equations, n, nt = MotionEquations(model, tuple(actives)), model.n, len(force)
+    x, f = ca.SX.sym("x", n), ca.SX.sym("f", n)
+    point = ca.vertcat(ca.SX.zeros(model.fit.states), x, ca.SX.zeros(2 * n + equations.own))
+    drive = ca.horzcat(ca.vertcat(f, ca.SX.zeros(equations.drives - n)), ca.SX.zeros(equations.drives, 2))
+    left = equations.beyond(point, drive, 0.0, vector_of(equations.actives)) - ca.mtimes(ca.DM(model.C), x)
+    start, left = force @ np.linalg.pinv(model.C).T, left / (np.abs(force).max() or 1.0)
+    balance = ca.Function("balance", [x, f], [left, ca.densify(ca.jacobian(left, x))]).map(nt)
+    slopes = np.asarray(balance(start.T, force.T)[1]).reshape(n, nt, n)
+    if free := [dof for dof, rows in zip(model.dofs, slopes) if not rows.any(axis=1).all()]:
+        raise InputError(f"static test: nothing restores {', '.join(free)}; give the model a stiffness there, or "
+                         "an effect that restores")
+    place = ca.rootfinder("place", "newton", {"x": x, "p": f, "g": left}, {
+        "max_iter": iterations, "abstol": 1e-10, "line_search": True, "error_on_fail": False})
+    found = place.map(nt)(start.T, force.T)
+    if not np.abs(np.asarray(balance(found, force.T)[0])).max() < 1e-9:
+        raise SolverError("static test: no equilibrium is found under the force")
+    return np.asarray(found).T
