@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray, read_only
@@ -17,7 +17,7 @@ from radiation_ss.body.convert import opened
 from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import square_root
+from radiation_ss.fit.rational import impulse_response, square_root
 from radiation_ss.methods import accepting
 
 if TYPE_CHECKING:
@@ -241,9 +241,6 @@ def left_over(model: Model, time: FloatArray, v: FloatArray, least: float = 1e-2
     lasts, turned = np.linalg.eigh(root.T @ Q @ root)
     keep = np.flatnonzero(lasts > least**2 * max(lasts[-1], 1e-300))[::-1]
     lasting = min(time.size, int(4.0 / max(-np.linalg.eigvals(fit.a).real.max(), 1e-9) / (time[1] - time[0])) + 2)
-    step, z = expm(fit.a * (time[1] - time[0])), (root @ turned)[:, keep]
-    found = np.zeros((keep.size, v.shape[0], time.size))
-    for k in range(lasting):
-        found[:, :, k] = (fit.c @ z).T
-        z = step @ z
+    found, after = np.zeros((keep.size, v.shape[0], time.size)), (time[1] - time[0]) * np.arange(lasting)
+    found[:, :, :lasting] = impulse_response(fit.a, (root @ turned)[:, keep], fit.c, after).T
     return found
