@@ -272,12 +272,13 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     equations, i = MotionEquations(model, [active]), model.dofs.index(active.dof) if active.dof else 0
     moving = np.zeros((model.n, 1))
     moving[[i] + ([model.dofs.index(active.other)] if active.effect.scope in ("pair", "directed") else [])] = 1.0
+    still = np.zeros((equations.drives, 3))
 
     def at(function: ca.Function, angle: FloatArray, states: FloatArray) -> FloatArray:
         motion = amplitude * np.array([np.cos(angle), -omega * np.sin(angle), -(omega**2) * np.cos(angle)])
         x, v, a = (moving * row for row in motion)
         point = np.concatenate([np.zeros((model.fit.states, angle.size)), x, v, states, a])
-        return in_still_water(function, point, active)
+        return np.asarray(function(point, still, 0.0, active.vector))
 
     phase, states = 2.0 * np.pi * np.arange(steps) / steps, np.zeros((equations.own, steps))
     if equations.own:
@@ -287,12 +288,6 @@ def equivalent(model: Model, active: Active, amplitude: float, omega: float, *, 
     values = at(equations.beyond, phase, states)[i]
     x, v = amplitude * np.cos(phase), -amplitude * omega * np.sin(phase)
     return -float(values @ x) / float(x @ x), -float(values @ v) / float(v @ v)
-
-
-def in_still_water(function: ca.Function, point: FloatArray, active: Active) -> FloatArray:
-    """Return an effect's forces or rates at points of the motion (columns), without waves."""
-    still = np.zeros(function.size_in(1))
-    return np.array([np.asarray(function(column, still, 0.0, active.vector)).ravel() for column in point.T]).T
 
 
 def equivalent_of_pair(model: Model, active: Active, motions: Sequence[tuple[float, float]], *, steps: int = 32,
@@ -309,7 +304,7 @@ def equivalent_of_pair(model: Model, active: Active, motions: Sequence[tuple[flo
         x[place], v[place], a[place] = (moved * np.array([np.cos(turn), -omega * np.sin(turn),
                                                           -(omega**2) * np.cos(turn)]))
     point = np.concatenate([np.zeros((model.fit.states, steps**2)), x, v, a])
-    force = in_still_water(equations.beyond, point, active)
+    force = np.asarray(equations.beyond(point, np.zeros((equations.drives, 3)), 0.0, active.vector))
     k, b = np.zeros((2, model.n, model.n))
     square = np.ix_(places, places)
     for found, motion in ((k, x[places]), (b, v[places])):
