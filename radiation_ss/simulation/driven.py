@@ -157,20 +157,20 @@ def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (),
 
     Each row from the linear model's, its step halved where it does not help; own states, velocities and waves are zero.
     """
-    equations, n, nt = MotionEquations(model, tuple(actives)), model.n, len(force)
+    equations, n = MotionEquations(model, tuple(actives)), model.n
     x, f = ca.SX.sym("x", n), ca.SX.sym("f", n)
     point = ca.vertcat(ca.SX.zeros(model.fit.states), x, ca.SX.zeros(2 * n + equations.own))
     drive = ca.horzcat(ca.vertcat(f, ca.SX.zeros(equations.drives - n)), ca.SX.zeros(equations.drives, 2))
     left = equations.beyond(point, drive, 0.0, vector_of(equations.actives)) - ca.mtimes(ca.DM(model.C), x)
     start, left = force @ np.linalg.pinv(model.C).T, left / (np.abs(force).max() or 1.0)
-    balance = ca.Function("balance", [x, f], [left, ca.densify(ca.jacobian(left, x))]).map(nt)
-    slopes = np.asarray(balance(start.T, force.T)[1]).reshape(n, nt, n)
+    balance = ca.Function("balance", [x, f], [left, ca.densify(ca.jacobian(left, x))])
+    slopes = np.asarray(balance(start.T, force.T)[1]).reshape(n, -1, n)
     if free := [dof for dof, rows in zip(model.dofs, slopes) if not rows.any(axis=1).all()]:
         raise InputError(f"static test: nothing restores {', '.join(free)}; give the model a stiffness there, or "
                          "an effect that restores")
     place = ca.rootfinder("place", "newton", {"x": x, "p": f, "g": left}, {
         "max_iter": iterations, "abstol": 1e-10, "line_search": True, "error_on_fail": False})
-    found = place.map(nt)(start.T, force.T)
+    found = place(start.T, force.T)
     if not np.abs(np.asarray(balance(found, force.T)[0])).max() < 1e-9:
         raise SolverError("static test: no equilibrium is found under the force")
     return np.asarray(found).T
