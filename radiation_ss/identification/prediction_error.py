@@ -89,6 +89,15 @@ def weighed_dampers(study: Study, parts: list[MotionLikelihood],
     return damped, [reached, without(peak, columns)], names
 
 
+def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: Peak) -> list[Peak]:
+    """Return the mode without the linear damping of a mode; none if that has none, or it is not reached."""
+    columns = [at for law, at in placed(target, parts) if taken_apart(law.name)[0] in LINEAR]
+    bare = [replace(part, laws=tuple(law for law in part.laws if taken_apart(law.name)[0] not in LINEAR))
+            for part in parts]
+    reached = climbed(study.target(bare), np.delete(peak.phi, columns)) if columns else None
+    return [] if reached is None else [without(reached, columns)]
+
+
 def without(peak: Peak, columns: Sequence[int], narrow: float = 1e-9) -> Peak:
     """Return a mode with more parameters, in these columns, that are zero: priors of the deviation `narrow`."""
     size = peak.phi.size + len(columns)
@@ -199,6 +208,8 @@ def posterior(study: Study, parts: list[MotionLikelihood],
     if all(part.wave is not None for part in parts):
         parts, peaks, weighed = weighed_dampers(study, parts, peak)
         target = study.target(parts)
+    else:
+        peaks += undamped(study, parts, target, peak)
     draws, share = sample(target, peaks, study.rng, study.rules.draws, study.rules.least_passive)
     own = placed(target, parts)
     draws = lawful_draws(study, own, draws)
