@@ -1,5 +1,7 @@
 """The check names what is wrong and where; cleaning changes that and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -257,6 +259,16 @@ def interior_frequencies(order, radius, g=9.81):
     area = (weight * r[:, 0])[:, None]
     stiffness, mass = shapes.T @ (area * (slope / size @ c)), shapes.T @ (area * shapes)
     return np.sqrt(g / radius * eigh(0.5 * (stiffness + stiffness.T), mass, eigvals_only=True))
+
+
+@pytest.mark.parametrize("name", ["cylinder_capytaine.nc", "sphere_capytaine.nc", "raft_cylinder.1"])
+@pytest.mark.parametrize("count", [8, 20])
+def test_a_clean_file_at_few_of_its_frequencies_has_no_irregular_ones(data, name, count):
+    whole = rss.read_hydro(data / "bem" / "formats" / name)
+    at = np.unique(np.linspace(0.02 * whole.omega.size, whole.omega.size - 1, count).astype(int))
+    few = replace(whole, omega=whole.omega[at], A=whole.A[at], B=whole.B[at],
+                  X=None if whole.X is None else whole.X[at])
+    assert not [f for f in few.check().findings if f.kind in ("irregular frequency", "spike")]
 
 
 def test_irregular_frequencies_are_those_of_the_water_inside(data):

@@ -58,18 +58,21 @@ def roughness(data: HydroData) -> FloatArray:
                       narrow_features(data.omega, scaled(data.A, mass_scale(data, silent))))
 
 
-def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02) -> FloatArray:
+def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02, coarse: float = 0.3) -> FloatArray:
     """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
 
     Neighbours are taken at several strides, up to a `width` relative to the frequency; of the strides the largest
-    departure counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off.
+    departure counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off. Between
+    neighbours farther apart than a share `coarse` of the frequency a body's own peak, half as wide as its frequency is
+    high, leaves its cubic by some hundredths: nothing is said there.
     """
     departure = np.zeros_like(curves)
     n = omega.size
     stride = 1
     while 4 * stride < n:
         k = np.arange(2 * stride, n - 2 * stride)
-        k = k[(stride == 1) | (omega[k + stride] - omega[k - stride] < 2.0 * width * omega[k])]
+        apart = omega[k + stride] - omega[k - stride]
+        k = k[apart < (coarse if stride == 1 else 2.0 * width) * omega[k]]
         if k.size == 0:
             break
         beside = k[:, None] + stride * np.array([-2, -1, 1, 2])
