@@ -59,8 +59,8 @@ def test_drag_is_warned_of(seed):
     assert found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]["estimate"] > 0.0
 
 
-@pytest.mark.parametrize("drag", [200.0, 800.0])
-def test_drag_is_named_with_its_size(drag):
+@pytest.mark.parametrize(("drag", "lost"), [(200.0, 0.0), (800.0, 0.01)])
+def test_drag_is_named_with_its_size(drag, lost):
     """Not the first step from a linear fit, which has put part of the drag down to other parameters."""
     rng, body = np.random.default_rng(3), tank()
     record, _ = sail(body, 60.0, rng)
@@ -70,12 +70,25 @@ def test_drag_is_named_with_its_size(drag):
     state = solve_ivp(lambda t, x: F @ x + G[:, 0] * (known(t) - drag * abs(x[-1]) * x[-1]), time[[0, -1]],
                       np.zeros(F.shape[0]), t_eval=time, rtol=1e-8, atol=1e-10).y
     heave = state[-2] + 0.005 * state[-2].std() * rng.standard_normal(time.size)
+    heave[rng.random(time.size) < lost] = np.nan
     found = identify(tank(), Record(time, {"Heave": heave, "Heave_force": force}), "prediction-error", omega=BAND,
                      draws=50)
     row = found.baseline["nonlinearity_test"]["quadratic drag [Heave]"]
     assert row["estimate"] == pytest.approx(drag, rel=0.1)
     assert row["std"] < 0.1 * drag
     assert any("N s^2/m^2 (p" in text for text in found.warnings)
+
+
+def test_a_mode_whose_damping_the_fit_misses_is_said(data):
+    hydro = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select(["Heave"])
+    at = np.array([hydro.omega[12]])
+    for order, missed in ((2, True), (10, False)):
+        model = rss.Model.from_hydro(hydro, order=order)
+        soft = model.replace(C=at**2 * (model.M + hydro.A[12]))
+        said = [text for text in identify(soft, [], "points", points=[hydro.omega[200]]).warnings
+                if "natural frequency of Heave" in text]
+        off = abs(soft.fit.frequency_response(at)[0, 0, 0].real / hydro.B[12, 0, 0] - 1.0)
+        assert bool(said) == missed == (off > 0.15)
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.4])

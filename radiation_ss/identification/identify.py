@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
 
 from radiation_ss.arrays import FloatArray, generator
 from radiation_ss.body.convert import as_model, opened
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
@@ -171,7 +173,28 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         said.append(f"the radiation model leaves out {left:.0%} of K in its own data: what it leaves out goes into "
                     "what is found, dampers and nominal numbers too, and the bands may not hold it; a fit with more "
                     "states tells more")
+    said += damped_otherwise(model, prior)
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
+
+
+def damped_otherwise(model: Model, share: float) -> list[str]:
+    """Return a sentence for each natural mode where the fit's damping is off its data's by more than a share of it.
+
+    A small part of the largest damping is many times that at a mooring's slow mode. Below the data's lowest frequency
+    the damping falls to zero at rest.
+    """
+    said, modes, data = [], natural_modes(model), model.hydro
+    for i, period in enumerate(modes.period):
+        if data is None or not np.isfinite(period) or 2.0 * np.pi / period > data.omega[-1]:
+            continue
+        known, omega = data.omega > 0.0, 2.0 * np.pi / period
+        there = float(PchipInterpolator(np.r_[0.0, data.omega[known]], np.r_[0.0, data.B[known, i, i]])(omega))
+        fitted = float(model.fit.frequency_response(np.array([omega]))[0, i, i].real)
+        if abs(fitted - there) > share * (there + model.D[i, i]):
+            said.append(f"at the natural frequency of {model.dofs[i]}, {omega:.3g} rad/s, the model's damping by waves "
+                        f"is {fitted:.2g}, that of its data {there:.2g}: what the motion shows of it goes into other "
+                        "numbers and dampers; fit with more states, or with a point at that frequency")
+    return said
 
 
 def _answered(studies: Sequence[Study], method: str) -> tuple[Study, Findings]:

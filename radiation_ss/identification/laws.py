@@ -18,24 +18,29 @@ from radiation_ss.hydro.data import ROTATIONS, mode
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood
 from radiation_ss.identification.study import Study
 from radiation_ss.inference.laplace import Peak, Target
+from radiation_ss.records.signals import filled
 
 DAMPING, RELATIVE = "linear damping", "relative damping"  # of a motion, and between the same motion of two bodies
 LINEAR = (DAMPING, RELATIVE)
+DRAG, FRICTION = "quadratic drag", "dry friction"
 UNITS = {**dict.fromkeys(LINEAR, ("N s/m", "N m s/rad")),
-         "quadratic drag": ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
-         "dry friction": ("N", "N m")}
+         DRAG: ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
+         FRICTION: ("N", "N m")}
 
 
-def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1,
-            ratio: float = 0.1) -> list[Law]:
+def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1, ratio: float = 0.1,
+            bridge: float = 0.5) -> list[Law]:
     """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
 
     That of damping makes the damping ratio `ratio`. Friction is rounded below the share `onset` of the velocity's rms.
+    Gaps of up to `bridge` periods are filled; a motion with longer ones has no laws.
     """
     channels, out, velocities = part.channels, list[Law](), dict[str, FloatArray]()
-    if not np.isfinite(channels.y).all():
+    period = channels.period / channels.dt
+    filtered = np.stack([filled(column, int(bridge * period), int(3 * bridge * period))
+                         for column in part.filtered(u, v).T], axis=1)
+    if not np.isfinite(filtered).all():
         return out
-    filtered = part.filtered(u, v)
     for j, dof in enumerate(part.model.dofs):
         order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
         shapes = dict[str, FloatArray]()
@@ -48,8 +53,8 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
         else:
             continue
         velocities[dof] = velocity
-        shapes["quadratic drag"] = velocity * np.abs(velocity)
-        shapes["dry friction"] = velocity / np.hypot(velocity, onset * velocity.std())
+        shapes[DRAG] = velocity * np.abs(velocity)
+        shapes[FRICTION] = velocity / np.hypot(velocity, onset * velocity.std())
         for kind, shape in shapes.items():
             coefficient = float(part.force_scale[j]) / float(np.abs(shape).max())
             force = np.zeros_like(part.force)
@@ -111,11 +116,15 @@ def score_laws(target: Target, peak: Peak, parts: Sequence[MotionLikelihood]) ->
 
 
 def least_of(study: Study, name: str) -> float:
-    """Return the least coefficient of a law: no more linear damping is taken from the model than it states."""
+    """Return the least coefficient of a law: none gives energy, nor is more linear damping than it states taken from
+    the model.
+    """
     kind, where = taken_apart(name)
     along = direction(study.model.dofs, where)
     assert study.model.D is not None
-    return -float(along @ study.model.D @ along) / float(along @ along) ** 2 if kind in LINEAR else -np.inf
+    if kind in LINEAR:
+        return -float(along @ study.model.D @ along) / float(along @ along) ** 2
+    return 0.0 if kind in (DRAG, FRICTION) else -np.inf
 
 
 def placed(target: Target, parts: Sequence[MotionLikelihood]) -> list[tuple[Law, int]]:
