@@ -1,7 +1,7 @@
 """Fits of simulated trajectories: Levenberg's method, linear theory about a fit, and its most probable sizes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
@@ -25,6 +25,7 @@ class FitRules:
     agreed: int = 3  # Starts that come to the lowest point before no others are tried
     alike: float = 0.5  # Difference in cost up to which two starts have come to the same point
     gain: float = 1e-3  # Relative decrease of the cost below which it stops
+    last: float = 1e-5  # The same of the fit whose numbers are told
     kept: float = 0.1  # Relative decrease of the cost above which derivatives serve for another step
     promise: float = 1.0  # Log odds by linear theory from which a set that is not known of is weighed
     rival: float = -3.0  # The same of a set with another effect in the place of one, once no set is better
@@ -185,6 +186,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     at the most probable sizes. Records whose motion is prescribed are predicted by the equation error itself.
     """
     rules, search = rules or FitRules(), search or SearchRules()
+    rules = replace(rules, gain=rules.last)
     fallback = from_regression(problem, candidate, tolerance)
     if not any(run.force is not None and not run.prescribed for run in problem.runs):
         return fallback
