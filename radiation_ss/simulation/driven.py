@@ -155,7 +155,7 @@ def own_states(equations: MotionEquations, splines: Sequence[Spline], state: Cub
 def equilibrium(model: Model, force: FloatArray, actives: Iterable[Active] = (), *, iterations: int = 60) -> FloatArray:
     """Return the displacements (nt, n) at which a body rests under steady forces (nt, n) [N, N m], by Newton's method.
 
-    Each row from the linear model's, its step halved where it does not help; own states, velocities and waves are zero.
+    Each row with a line search from the linear model's place; own states, velocities and waves are zero.
     """
     equations, n = MotionEquations(model, tuple(actives)), model.n
     x, f = ca.SX.sym("x", n), ca.SX.sym("f", n)
