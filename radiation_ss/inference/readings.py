@@ -67,9 +67,11 @@ class Grid:
               white: float = 1.0) -> FloatArray:
         """Return the standard deviation of white noise a sample of the grid that has the density of the readings'.
 
-        At frequencies `at` [rad/s] if given, by its colour: see `coloured_noise`.
+        At frequencies `at` [rad/s] if given, by its colour: see `coloured_noise`. Between two readings a line has less
+        of it than they have: it is that of the readings from the grid's first one on.
         """
-        own = np.interp(self.own, time, values)
+        first = time[min(int(np.searchsorted(time, self.own[0] - 1e-6 * self.step)), time.size - 1)]
+        own = np.interp(np.arange(first, self.own[-1] + 0.5 * self.step, self.step), time, values)
         level = noise_of(own, self.step, omega) if at is None else coloured_noise(own, self.step, omega, at, white)
         return np.asarray(level * np.sqrt(self.split / self.keep))
 
