@@ -138,3 +138,17 @@ def test_noise_of_a_sensor_in_the_band_of_the_motion_by_its_colour(seed, colour)
     truth = 0.02 * np.abs(freqz([1.0], [1.0, -colour], at[there] * 0.05)[1]) * np.sqrt(0.05 / run.dt)
     ratio = run.noise[0, there] / truth
     assert 0.5 < ratio.min() and ratio.max() < 2.0
+
+
+@pytest.mark.parametrize("step", [0.107, 0.13, 0.151])
+def test_noise_of_a_sensor_is_the_same_where_ends_of_a_record_are_left_out(data, step):
+    """Whatever the steps are: the ends whose force by the elevation is unsure hold no whole number of them."""
+    hydro = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select(["Heave"])
+    model, rng = rss.Model.from_hydro(hydro, order=4), np.random.default_rng(5)
+    time, omega = np.arange(0.0, 400.0, step), rng.uniform(0.8, 1.6, 40)
+    sea = np.cos(np.outer(time, omega) + rng.uniform(0.0, 6.3, 40)).sum(axis=1)
+    noise = 0.02 * rng.standard_normal(time.size)
+    run = measured_motion(model, rss.Record(time, {"Heave": sea + noise, "wave_elevation": sea}, kind="waves"))
+    assert run.time[0] > 1.0
+    ratio = run.noise[0] / (0.02 * np.sqrt(step / run.dt))
+    assert 0.5 < ratio.min() and ratio.max() < 2.0
