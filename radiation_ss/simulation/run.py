@@ -180,15 +180,6 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
     return run_in_steps(model, record, actives, start, h / 2**always, trim, near, halvings - always)
 
 
-def alike(coarse: Motion, fine: Motion, model: Model, share: float = 1e-3) -> bool:
-    """Whether displacements change by less than a share of their rms where the step is halved."""
-    moved = slice(model.fit.states, model.fit.states + model.n)
-    one, other = coarse.state[:, moved], fine.state[::2, moved]
-    count = min(len(one), len(other))
-    error = np.mean((one[:count] - other[:count]) ** 2, axis=0)
-    return bool(np.all(error <= share**2 * np.mean(other**2, axis=0)))
-
-
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,
                  trim: bool, near: FloatArray | None = None,
                  halvings: int = 0) -> tuple[Rollout, Prepared, Motion, FloatArray]:
