@@ -96,6 +96,24 @@ def test_orcaflex_rows_of_many_lines_older_names_and_several_vessels(tmp_path):
         rss.read_hydro(samples.aqwa(data, tmp_path), vessel="Vessel type1")
 
 
+def test_damping_that_is_no_radiation_and_tables_that_orcaflex_does_not_use_are_said(tmp_path, caplog):
+    data = plain_body(reference_point=(0.0, 0.0, -2.0))
+    path = samples.aqwa(data, tmp_path)
+    for values, said in (("0 0 0 0 0 0", 0), ("0 0 250 0 0 0", 1)):
+        path.write_text(path.read_text().replace("MASS\n", f"FIDD\n 1 {values}\nMASS\n", 1))
+        got = rss.read_hydro(path)
+        assert sum("FIDD" in note and "250" in note for note in got.notes) == said
+        assert_close(got, data, ("B",))
+        path = samples.aqwa(data, tmp_path)
+    assert "FIDD" in caplog.text
+    path = samples.orcaflex(data, tmp_path)
+    text = path.read_text(encoding="utf-8")
+    for method, said in (("Frequency dependent", 0), ("Constant", 1)):
+        stated = text.replace("        Mass:", f"        AMDMethod: {method}\n        Mass:", 1)
+        path.write_text(stated, encoding="utf-8")
+        assert sum("AMDMethod is 'Constant'" in note for note in rss.read_hydro(path).notes) == said
+
+
 def test_orcaflex_draughts_are_chosen_by_name(tmp_path):
     data = plain_body(reference_point=(2.5, 0.5, -2.0))
     path = samples.orcaflex(data, tmp_path)

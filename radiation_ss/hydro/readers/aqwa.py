@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, delay, six_dofs
+from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, delay, log, six_dofs
 
 MOST = 10_000
 # By its heading what a block is labelled by (structure b, heading h, frequency k), and its rows and columns.
@@ -78,6 +78,11 @@ def read(path: Path, **given: float) -> HydroData:
         notes.append(f"{path}: A_inf is AQWA's added mass at 100 rad/s")
     if "ADDEDMASS_LF" in found:
         notes.append(f"{path}: added mass at 0.001 rad/s is left out (it is no limit: in finite depth heave grows)")
+    if np.any(found.get("FIDD", 0.0)):
+        notes.append(f"{path}: the damping of block FIDD, the same at every frequency (largest "
+                     f"{np.abs(found['FIDD']).max():.3g}), is no radiation and is left out (effect linear_damping has "
+                     "it)")
+        log.warning(notes[-1])
     notes += [f"{path}: no block {name}, so no {what}" for name, what in (("ADDEDMASS_HF", "A_inf"), ("FORCERAO", "X"))
               if name not in found]
     return whole(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), found["COG"][:, 0], headings,

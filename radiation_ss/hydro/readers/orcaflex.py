@@ -57,6 +57,10 @@ def read(path: Path, *, vessel: str | None = None, draught: str | None = None, *
         notes.append(f"{path}: {GROUPS} (from line {file.sections[GROUPS] + 1}) are not read: A, B and C are those of "
                      f"vessel type {str(kind.get('Name'))[:40]} alone, without other bodies beside it")
         log.warning(notes[-1])
+    if (method := str(state.get("AMDMethod", "Frequency dependent"))) != "Frequency dependent":
+        notes.append(f"{path}: AMDMethod is {method[:40]!r}: OrcaFlex uses the frequency-dependent added mass "
+                     "and damping, which are read here, only where it is 'Frequency dependent'")
+        log.warning(notes[-1])
     rows = state["FrequencyDependentAddedMassAndDamping"]
     omega = file.omega(kind, [file.number(row, "AMDPeriodOrFrequency") for row in rows])
     # Damping is a force over a velocity: where the units of the file do not cohere, that is no mass per second.
