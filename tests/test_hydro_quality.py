@@ -77,6 +77,10 @@ def test_asymmetry_names_the_entry():
     A[50:60, 0, 1] *= 1.5
     found = the(passive(A=A).check(), "asymmetry")
     assert set(found.dofs) == {"Heave", "Pitch"} and found.bands == ((OMEGA[50], OMEGA[59]),) and found.problem
+    data = passive()
+    A_inf = data.A_inf + np.array([[0.0, 0.2], [0.0, 0.0]]) * np.sqrt(np.ptp(data.A[:, [0, 1], [0, 1]], axis=0).prod())
+    found = the(passive(A_inf=A_inf).check(), "asymmetry")
+    assert found.message.startswith("A_inf of Heave-Pitch") and found.problem
 
 
 @pytest.mark.parametrize("width", [1, 2])

@@ -59,8 +59,9 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     residual, tail, more = _causality(data, other, tolerance, silent)
     rough = roughness(data)
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
-                *_asymmetric(data, skew, tolerance), *narrow(data, rough, residual, smallest, tolerance),
-                *haskind(data, tolerance), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+                *_asymmetric(data, skew, tolerance), *_limit_asymmetric(data, other, tolerance),
+                *narrow(data, rough, residual, smallest, tolerance), *haskind(data, tolerance),
+                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))
@@ -148,6 +149,17 @@ def _asymmetric(data: HydroData, skew: FloatArray, tolerance: float) -> Iterator
     yield Finding("asymmetry", size > 3.0 * tolerance, size, where, pair(data, i, j),
                   f"{'BA'[which]} of {named(data, i, j)} and of its transpose differ by {percent(size)} of {scaled} at "
                   f"{data.omega[k]:.3g} rad/s; beyond {percent(tolerance)} in {said(where)}")
+
+
+def _limit_asymmetric(data: HydroData, scale: FloatArray, tolerance: float) -> Iterator[Finding]:
+    """Name the entry of A_inf that differs most from its transpose."""
+    if data.A_inf is None:
+        return
+    size, (_, i, j) = worst(np.abs(scaled(data.A_inf - data.A_inf.T, scale))[None])
+    if size > tolerance:
+        yield Finding("asymmetry", size > 3.0 * tolerance, size, (), pair(data, i, j),
+                      f"A_inf of {named(data, i, j)} and of its transpose differ by {percent(size)} of the largest "
+                      "A - A_inf")
 
 
 def _band(data: HydroData, tail: Tail, silent: np.ndarray, B: FloatArray, spike: np.ndarray) -> Iterator[Finding]:
