@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from radiation_ss import Record
 from radiation_ss.effects import Active, library
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.simulation import CODES, OPERATIONS, Compiled, Rollout, half_steps, prepare
 
 EPS = np.finfo(float).eps
@@ -133,6 +133,16 @@ def test_a_path_is_lawsons_method_written_out(name, seed):
         assert np.allclose(stages[k], expected, atol=1e4 * EPS * size)
         s = whole @ s + h / 6.0 * (whole @ k1 + 2.0 * half @ (k2 + k3) + k4)
         assert np.allclose(states[k + 1], s, atol=1e4 * EPS * size)
+
+
+@pytest.mark.parametrize("spring, accuracy, said", [(-1e15, 1e-4, "grows without bounds"), (1.0, 1e-15, "than 20000")])
+def test_a_path_ends_where_the_motion_grows_or_its_steps_are_split_too_often(spring, accuracy, said):
+    """All steps in the shortest parts would be 1.6 million of them."""
+    model, steps = coupled_model(), 400
+    rollout = Rollout(model, [Active(library()["cubic_stiffness"], "Roll", {})], 0.05, 12, accuracy, most=20_000)
+    drive, time = joined_drive(np.random.default_rng(0), steps, model.n), 0.05 * np.arange(steps + 1)
+    with pytest.raises(SolverError, match=said):
+        rollout.path(0.1 * np.ones(rollout.ns), drive, time, np.full(rollout.np, spring))
 
 
 @pytest.mark.parametrize("name", ["quadratic_drag", "hysteresis", "added_inertia"])

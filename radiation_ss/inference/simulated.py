@@ -20,7 +20,7 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
-from radiation_ss.simulation.rollout import Motion, Rollout
+from radiation_ss.simulation.rollout import Motion, Rollout, TooManySteps
 from radiation_ss.simulation.start import start_of, step_size, unrest_of
 
 
@@ -28,7 +28,8 @@ from radiation_ss.simulation.start import start_of, step_size, unrest_of
 class SimulatedRecords:
     """Some records as effects make them move; those with numbers of each record's own act as the regression has them.
 
-    `actives`: all that is simulated, the model's own numbers and `effects`. `records`: positions.
+    `actives`: all that is simulated, the model's own numbers and `effects`. `records`: positions. `most`: number of
+    steps into which those of the records may be split.
     """
 
     problem: EquationError
@@ -36,22 +37,26 @@ class SimulatedRecords:
     actives: Sequence[Active]
     effects: Sequence[Active]
     records: Sequence[int]
+    most: int = 500_000
 
-    def steps(self, rough: float, most: int) -> tuple[float, list[float]]:
+    def steps(self, rough: float) -> tuple[float, list[float]]:
         """Return the integrator's step [s], half the longest that the model allows, and each record's for derivatives.
 
-        See `Trajectories`. InputError if the effects set in so sharply that steps are split into more than `most`.
+        See `Trajectories`. InputError if the effects set in so sharply that steps are split into too many.
         """
         runs = [self.problem.runs[r] for r in self.records]
         h = max(0.5 * self.allowed([run.record for run in runs], ()), self.least)
-        if sum(float(np.ptp(run.time)) for run in runs) > most * self.least and self.split(h) > most:
-            raise InputError(f"effects: their forces set in so sharply that more than {most} steps are needed")
+        if sum(float(np.ptp(run.time)) for run in runs) > self.most * self.least \
+                and self.split(h) > self.most:
+            raise InputError(f"effects: their forces set in so sharply that more than {self.most} steps are needed")
         return h, [self.longest(r, h, rough) for r in self.records]
 
     def split(self, h: float) -> int:
         """Return into how many parts steps of h [s] are split; 0 where the motion grows: fits do not end there."""
         try:
             return sum(len(self.path(r, h, vector_of(self.actives))[1]) for r in self.records)
+        except TooManySteps:
+            return self.most + 1
         except SolverError:
             return 0
 
@@ -68,7 +73,7 @@ class SimulatedRecords:
     def rollout(self, h: float) -> Rollout:
         """Return the integrator in steps of h [s], split down to the shortest where effects set in."""
         halvings = int(np.ceil(np.log2(max(h / self.least, 1.0))))
-        return Rollout(self.problem.model, self.actives, h, halvings)
+        return Rollout(self.problem.model, self.actives, h, halvings, most=self.most)
 
     def longest(self, r: int, h: float, share: float) -> float:
         """Return the longest step [s] for derivatives in a record: h, doubled while its force and motion allow it.

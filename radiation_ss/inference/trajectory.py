@@ -60,14 +60,14 @@ class Trajectories:
     ones. `unexplained`: whether forces that no effect explains move the body, too: numbers are those that predict
     without them. `zero`: prior standard deviation of a sensor's zero, of the motion's. `rough`: derivatives are taken
     in the longest steps that leave this share of the motion: their error shifts the numbers by about as small a share
-    of their own standard deviations, at a cost that falls with the number of steps. `most`: steps in all records into
-    which effects split them. `told`: information on an unknown, in units of its prior, below which a record tells
-    nothing of it. InputError if effects set in so sharply that more steps are needed.
+    of their own standard deviations, at a cost that falls with the number of steps. `told`: information on an unknown,
+    in units of its prior, below which a record tells nothing of it. InputError if effects set in so sharply that too
+    many steps are needed.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
-                 zero: float = 0.05, rough: float = 1e-2, most: int = 500_000, told: float = 1e-5) -> None:
+                 zero: float = 0.05, rough: float = 1e-2, told: float = 1e-5) -> None:
         self.problem, self.candidate, self.stated = problem, candidate, tolerance
         first = self.first = from_regression(problem, candidate, tolerance)
         self.tolerance = candidate.posterior.sizes.tolerance
@@ -79,7 +79,7 @@ class Trajectories:
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
         self.base = vector_of(self.actives)
         simulated = SimulatedRecords(problem, candidate, self.actives, effects, self.records)
-        h, coarse = simulated.steps(rough, most)
+        h, coarse = simulated.steps(rough)
         made = {step: simulated.rollout(step) for step in {h, *coarse}}
         self.rollout, self.rough = made[h], [made[step] for step in coarse]
         slabs: list[Slab | None] = [Slab((0.0,), o.spread * scale, -np.inf, np.inf) for o in own]

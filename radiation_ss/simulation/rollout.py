@@ -55,15 +55,20 @@ def equations_of(key: EquationKey) -> MotionEquations:
     return MotionEquations(key.model, key.actives)
 
 
+class TooManySteps(SolverError):
+    """Effects set in so sharply that steps are split into too many."""
+
+
 class Rollout:
     """The composite with a set of effects in steps of h [s]; built once, used for any record and parameters.
 
     A step is halved up to `halvings` times while its error is more than `accuracy` of a state's largest value so far.
+    TooManySteps where a record takes `most` steps.
     """
 
     def __init__(self, model: Model, actives: Sequence[Active], h: float, halvings: int = 0,
-                 accuracy: float = 1e-4) -> None:
-        self.model, self.actives, self.h, self.accuracy = model, tuple(actives), float(h), accuracy
+                 accuracy: float = 1e-4, most: int = 4_000_000) -> None:
+        self.model, self.actives, self.h, self.accuracy, self.most = model, tuple(actives), float(h), accuracy, most
         forms = tuple(a.form for a in self.actives)
         self.equations = equations = equations_of(EquationKey((id(model), *forms), model, self.actives))
         self.offsets, self.np, self.own, self.ns = equations.offsets, equations.np, equations.own, equations.ns
@@ -110,9 +115,11 @@ class Rollout:
         states = np.empty((time.size, self.ns))
         states[0] = start
         dynamics = self.half, self.whole, self.linear[v:v + n]
-        parts = walk((rates.each, *rates.prepared(p)), dynamics, self.rows, self.h, (drive, time), states,
-                     self.accuracy, kept)
-        if not np.isfinite(states).all() or np.abs(states).max() > 1e12 * (1.0 + np.abs(start).max()):
+        limits = self.accuracy, 1e12 * (1.0 + float(np.abs(start).max())), self.most
+        parts = walk((rates.each, *rates.prepared(p)), dynamics, self.rows, self.h, (drive, time), states, limits, kept)
+        if parts[1].shape[0] == self.most:
+            raise TooManySteps(f"effects: their forces set in so sharply that more than {self.most} steps are needed")
+        if not np.isfinite(states).all():
             raise SolverError(f"the motion grows without bounds{self.why_unstable()}")
         return states, parts
 

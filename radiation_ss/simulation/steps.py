@@ -108,19 +108,29 @@ def longer(rows: np.ndarray) -> np.ndarray:
     return found
 
 
+@jit(inner=True)
+def within(x: FloatArray, count: int, limit: float) -> bool:
+    """Return whether the first numbers of x are finite and no larger than a limit."""
+    for i in range(count):
+        if not abs(x[i]) <= limit:
+            return False
+    return True
+
+
 @jit
 def walk(program: Program, dynamics: tuple[FloatArray, FloatArray, FloatArray], rows: NDArray[np.int64], h: float,
-         signals: tuple[FloatArray, FloatArray], states: FloatArray, accuracy: float,
+         signals: tuple[FloatArray, FloatArray], states: FloatArray, limits: tuple[float, float, int],
          kept: bool) -> tuple[FloatArray, NDArray[np.int64]]:
     """Step through a record by Lawson's Runge-Kutta method: fill states (steps + 1, ns) from the first one on.
 
     The dynamics: exp(A h / 2) of the linear part and its square for h and each half of it, (levels, ns, ns), and the
     linear part's rows (n, ns) of the velocities' rates. rows (nr,): the states whose rate is not linear, velocities
-    first. The signals: drive (steps, 9, drives) and time (steps,). A step is split where its error is more than
-    `accuracy` of a state's largest value so far. Returned: states and accelerations at the stages, (parts, 4, ns + n),
+    first. The signals: drive (steps, 9, drives) and time (steps,). The limits: of a step's error, over a state's
+    largest value so far, beyond which it is split; of the states, and of the number of parts, beyond which what is
+    left of the states is NaN. Returned: states and accelerations at the stages, (parts, 4, ns + n),
     none unless `kept`, and of each part its step, how many of the shortest parts are before it there, and its level.
     """
-    (halves, wholes, linear), (drive, time) = dynamics, signals
+    (halves, wholes, linear), (drive, time), (accuracy, largest_state, most) = dynamics, signals, limits
     (n, ns), nr, finest = linear.shape, rows.size, halves.shape[0] - 1
     units, level, count = 1 << finest, finest, 0
     taken = np.empty((states.shape[0], 3), dtype=np.int64)
@@ -149,6 +159,9 @@ def walk(program: Program, dynamics: tuple[FloatArray, FloatArray, FloatArray], 
             if level < finest and (worst > 1.0 or stiff > 1.0):
                 level += 1
                 continue
+            if count >= most or not within(after, ns, largest_state):
+                states[k + 1:] = np.nan
+                return stages[:count], taken[:count]
             if count == taken.shape[0]:
                 stages, taken = longer(stages), longer(taken)
             taken[count, 0], taken[count, 1], taken[count, 2] = k, at, level
