@@ -342,7 +342,7 @@ def test_uncoupled_groups_are_identified_apart_and_coupled_ones_together():
     rng = np.random.default_rng(4)
     theta = form.theta(0.7 * rng.standard_normal(form.active.size))
     truth = form.realise(theta)
-    dt, nt = 0.1, 900
+    dt, nt = 0.1, 450
     w = 2.0 * np.pi / (4.0 * nt * dt) * np.arange(1, 400)
     F = (rng.standard_normal((w.size, 2)) + 1j * rng.standard_normal((w.size, 2))) * np.exp(-((w - 1.5) ** 2))[:, None]
     Z = -(w**2)[:, None, None] * (model.M + model.A_inf) + 1j * w[:, None, None] * truth.frequency_response(w) + model.C

@@ -242,6 +242,36 @@ def test_a_damper_that_the_model_lacks_is_no_radiation(kind, damper):
     assert np.std(drawn + at_resonance) < np.hypot(drawn.std(), at_resonance.std())  # what one takes the other leaves
 
 
+@pytest.mark.parametrize("damper", [0.0, 0.3])  # over the waves' own
+def test_a_hump_of_the_damping_is_told_from_a_damper_whatever_the_order_of_the_fit(data, damper):
+    """A published table and a quarter more damping about the natural frequency, causal, by Fourier series."""
+    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=8)
+    table, rng, count, dt = model.hydro, np.random.default_rng(3), 4000, 0.1
+    omega, inertia, C = 2.0 * np.pi * np.fft.rfftfreq(count, dt)[1:], model.M[0, 0] + model.A_inf[0, 0], model.C[0, 0]
+    natural, K, t = np.sqrt(C / inertia), table.K[:, 0, 0], np.linspace(0.0, 100.0, 4001)
+    B, fine = np.interp(natural, table.omega, K.real), np.linspace(0.01, table.omega[-1], 1500)
+    hump = 0.25 * np.interp(fine, table.omega, K.real) * np.exp(-0.5 * (np.log(fine / natural) / 0.3) ** 2)
+    kernel = 2.0 / np.pi * np.trapezoid(hump * np.cos(np.outer(t, fine)), fine)
+    more = np.array([np.trapezoid(kernel * np.exp(-1j * w * t), t) for w in fine])
+
+    def true(w):
+        return sum(np.interp(w, at, part.real) + 1j * np.interp(w, at, part.imag)
+                   for at, part in ((table.omega, K), (fine, more)))
+
+    inside = (omega > table.omega[0]) & (omega < table.omega[-1])
+    push = np.exp(-2.0 * np.log(omega / natural) ** 2) * (rng.standard_normal((2, omega.size)).T @ [1.0, 1j]) * inside
+    heave = push / (C - omega**2 * inertia + 1j * omega * (true(omega) + damper * B))
+    force, heave = (np.fft.irfft(np.r_[0.0, some], count)[:2500] for some in (1e4 * push, 1e4 * heave))
+    record = Record(dt * np.arange(2500), {
+        "Heave": heave + 5e-3 * heave.std() * rng.standard_normal(2500), "Heave_force": force}, kind="forced")
+    at = natural * np.linspace(0.6, 1.5, 7)
+    found = identify(model, record, "prediction-error", omega=at, draws=300)
+    deviation = (found.B.upper - found.B.lower)[:, 0, 0] / 3.92
+    assert np.all(np.abs(found.B.mean[:, 0, 0] - true(at).real) < 3.0 * deviation)
+    row = found.parameters.get("damping [Heave]", {"mean": 0.0, "std": 0.0})
+    assert abs(row["mean"] - damper * B) <= 3.0 * row["std"] < 0.5 * B
+
+
 @pytest.mark.parametrize("damper", [0.0, 4.0])  # the waves' own is 26 at most, X's tolerance a tenth of it
 def test_a_small_damper_in_waves_is_in_the_bands(damper):
     """The truth by Fourier series: X follows B, so the damper may be taken for radiation, and is weighed against it."""

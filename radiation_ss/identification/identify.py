@@ -249,7 +249,8 @@ def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool,
     # The motion of one degree of freedom in an unknown sea does not see as little as the tolerance is.
     if rest <= sizes["kernel"] and model.n == 1 and not known_forces:
         rest = 0.0
-    form = with_table(parametrise(model.fit, model.A_inf, prior, rest, smooth), model)
+    beyond = prior * rules.beyond if known_forces else 0.0    # motion in an unknown sea does not see that either
+    form = with_table(parametrise(model.fit, model.A_inf, prior, rest, smooth, beyond), model)
     if method == "points":
         return form
     seen = {"sensor": known_forces, "force": known_forces and waves}    # else the sea's own size takes them in
@@ -267,8 +268,10 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
     for number, (j, k) in enumerate(block.entries):
         at = np.arange(mean.size)[block.numerator(number)]
         used, values = form.std[at] > 0.0, 0.5 * (missing[:, j, k] + missing[:, k, j])
-        columns = np.vstack([basis[used].T.real, basis[used].T.imag])
-        mean[at[used]] = np.linalg.lstsq(columns, np.r_[values.real, values.imag])[0]
+        spread = form.std[at[used]]
+        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * spread
+        # What the data hardly see, as beyond their band, stays zero.
+        mean[at[used]] = spread * np.linalg.lstsq(columns, np.r_[values.real, values.imag], rcond=0.01)[0]
     return replace(form, mean=mean)
 
 

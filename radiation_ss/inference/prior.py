@@ -12,7 +12,7 @@ from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
 
 
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0,
-                smooth: bool = True) -> Parametrisation:
+                smooth: bool = True, beyond: float = 0.0) -> Parametrisation:
     """Return the parametrisation of a fitted subsystem, symmetric in its entries.
 
     Entries with the same poles share a denominator. A denominator keeps the paper's polynomial form (23) where at least
@@ -20,8 +20,10 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     `prior`: relative standard deviation of K, root mean square over frequency up to twice the poles' own (to first
     order). All coefficients of a block get one relative standard deviation, as large as makes that of its K so. `rest`:
     what the model's order may leave out of K, over each entry's largest |K|: damped sections with small numerators
-    about zero. A K(0) that is less than the fit leaves out is zero. `smooth`: whether the relative error of the damping
-    is smooth in frequency (`with_smooth_error`), or each coefficient has an error of its own.
+    about zero. `beyond`: what a body's error has that no coefficients of this order make, over the damping there, by
+    the same sections: a high order follows its data closely, but not a hump of another body's damping. A K(0) that is
+    less than the fit leaves out is zero. `smooth`: whether the relative error of the damping is smooth in frequency
+    (`with_smooth_error`), or each coefficient has an error of its own.
     InputError if the fit has no states, makes no force, or is unstable.
     """
     if fit.states == 0 or not np.any(fit.b) or not np.any(fit.c):
@@ -46,9 +48,9 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
         mean += values
         std += spread
         names += labels
-    if rest > 0.0:
-        block, values, spread, labels = _rest(fit, poles, [e for block in blocks for e in block.entries], rest, zero,
-                                              len(mean))
+    if max(rest, beyond) > 0.0:
+        entries = [entry for block in blocks for entry in block.entries]
+        block, values, spread, labels = _rest(fit, poles, entries, (rest, beyond), zero, len(mean))
         blocks, mean, std, names = [*blocks, block], [*mean, *values], [*std, *spread], [*names, *labels]
     form = Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
     form = replace(form, mean=form.tied(form.mean))
@@ -117,26 +119,38 @@ def _slopes(form: Parametrisation, which: NDArray[np.int64], omega: FloatArray) 
     return (form.K(form.tied(moved), omega) - form.K(form.mean, omega)) / steps[:, None, None, None]
 
 
-def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], size: float, zero: bool,
-          start: int, places: tuple[float, ...] = (0.3, 0.6, 1.2, 2.4),
-          damping: float = 0.3) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
-    """Return a block of damped sections about the poles' frequencies, numerators zero with a small spread.
+def _rest(fit: RadiationFit, poles: ComplexArray, entries: list[tuple[int, int]], sizes: tuple[float, float],
+          zero: bool, start: int, spacing: float = 0.6, damping: float = 0.4,
+          floor: float = 0.1) -> tuple[ParameterBlock, list[float], list[float], list[str]]:
+    """Return a block of damped sections over the band of the damping, numerators zero with a small spread.
 
-    `places` are their frequencies over the poles' own. A fit alternates about its data, over all of its band: wide or
-    few sections cannot follow that, and the parameters of the fit would be sure of a compromise.
+    `sizes`: spread of each section at its own frequency, over the entry's largest |K|, and over the damping there (at
+    least `floor` of its largest). `spacing` of the sections in log omega: a fit alternates about its data, over all of
+    its band, and wide or few sections cannot follow that; the parameters of the fit would be sure of a compromise. An
+    error as large everywhere as the damping is at its largest would be a damper, which it is to be told from.
     """
-    w = np.exp(np.mean(np.log(np.abs(poles)))) * np.array(places)
+    w = _band(fit, poles, floor, spacing)
     order = 2 * w.size
     gain = np.abs(fit.frequency_response(np.r_[w, np.abs(poles)])).max(axis=0)
+    own = np.abs(np.einsum("wjj->wj", fit.frequency_response(w).real))
+    own = np.maximum(own, floor * own.max(axis=0))
     values, spread = [v for x in w for v in (x**2, 2.0 * damping * x)], [0.0] * order
     for j, k in entries:
-        for x in w:
-            top = 2.0 * damping * size * float(gain[j, k]) * x
-            spread += [0.0 if zero else 0.7 * top * x, top]
+        top = 2.0 * damping * w * np.hypot(sizes[0] * gain[j, k], sizes[1] * np.sqrt(own[:, j] * own[:, k]))
+        spread += [v for x, size in zip(w, top) for v in (0.0 if zero else 0.7 * size * x, size)]
     names = [f"rest_{i}" for i in range(len(spread))]
     values += [0.0] * (len(spread) - order)
     block = ParameterBlock(tuple(entries), order, "sections", w.size, start, tuple(range(len(entries))), rest=True)
-    return block, values, spread, names
+    return block, [float(v) for v in values], [float(v) for v in spread], names
+
+
+def _band(fit: RadiationFit, poles: ComplexArray, share: float, spacing: float) -> FloatArray:
+    """Return frequencies about `spacing` apart in log omega, from the first to the last with a share of the damping."""
+    size = np.abs(poles)
+    omega = np.geomspace(0.05 * size.min(), 20.0 * size.max(), 600)
+    B = np.abs(np.einsum("wjj->wj", fit.frequency_response(omega).real))
+    first, *_, last = omega[(B > share * B.max(axis=0)).any(axis=1)]
+    return np.geomspace(first, last, 1 + int(np.ceil(np.log(last / first) / spacing)))
 
 
 def _poles_and_residues(fit: RadiationFit, same_pole: float = 1e-6) -> tuple[ComplexArray, ComplexArray]:
