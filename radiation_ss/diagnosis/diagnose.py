@@ -64,7 +64,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     seed : int
     withhold : Record, path or pandas.DataFrame, or a sequence of them
         Records that no fit sees. Without any, the effects are searched in all of every record, and their numbers are
-        fitted anew without the last third of each to see how they predict it.
+        fitted anew without the last third of each to see how they predict it; of a static test without every third
+        load in ascending order.
     rules : Rules, optional
         Every number that decides.
     progress : callable, optional
@@ -131,7 +132,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
                     withheld=posed(model, withhold, tolerated, rules))
     else:
-        heads, tails = split(given, rules.tail)
+        heads, tails = split(given, rules.tail, rules.resolution.levels)
         notes += [f"Record {r.name} has too few places for a part that no fit sees: it is checked by what was fitted."
                   for r, rest in zip(given, tails) if r is rest]
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
