@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray, lagrange
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
-from radiation_ss.records.faults import left_out, without_faults
+from radiation_ss.records.faults import TO_NORMAL, drives, left_out, without_faults
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_dead, without_gravity
 from radiation_ss.records.signals import middle, only_noise, spectrum_of
@@ -72,7 +72,6 @@ def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 
 SIDE, DEGREE = 6, 5  # samples on each side of a spike, and the polynomial through them
 BESIDE = 16  # samples on each side from which the noise at its place is taken
-TO_NORMAL = 1.4826  # median of absolute values to standard deviation
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules
     samples in the model's shortest natural `period` [s].
     """
     def find(name: str, time: FloatArray, values: FloatArray) -> dict[str, np.ndarray]:
-        if (name.endswith("_acceleration") or time.size < 4 * SIDE
+        if (drives(name) or name.endswith("_acceleration") or time.size < 4 * SIDE
                 or rules.resolved * float(np.median(np.diff(time))) > period):
             return {}
         return {"stand apart from their neighbours and are left out": spikes(time, values, rules)}
