@@ -32,7 +32,7 @@ from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
-from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
+from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
 from radiation_ss.simulation.run import steady_force
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
@@ -151,7 +151,8 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     notes = [text for record in records for text in (
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
-        found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
+        found, said = {"prescribed": measured_driven, "static": lambda _, given: (given, ())}.get(
+            record.kind, measured_freely)(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
         parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
         still = [part for part in parts if not moves(model, part)]

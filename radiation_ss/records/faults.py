@@ -17,11 +17,14 @@ FAULTS = {"slower": "repeat the one before them: the sensor is slower than the l
           "hanging": "repeat the one before them: the sensor hangs"}
 
 
-def without_faults(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return the record without samples that are clipped or of a sensor that hangs or is slow, and what was done."""
+def without_faults(record: Record, *, motions: bool = True) -> tuple[Record, tuple[str, ...]]:
+    """Return the record without samples that are clipped or of a sensor that hangs or is slow, and what was done.
+
+    Of forces and the elevation only what hangs; of these alone if not `motions`.
+    """
     return left_out(record, lambda name, _, values: {
         f"{FAULTS[fault]}; left out": places for fault, places in faults(name, values).items()
-        if fault == "hanging" or not drives(name)})
+        if (fault == "hanging" if drives(name) else motions)})
 
 
 def drives(name: str) -> bool:
