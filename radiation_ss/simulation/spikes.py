@@ -129,7 +129,9 @@ class Answers:
     """What forces of one motion make of it by the model, as displacement, velocity and acceleration."""
 
     time: FloatArray  # (nt,) [s], even
-    moved: FloatArray  # (3, nt): By the recorded forces without their spikes, from rest
+    # (k, 3, nt): By the recorded forces without their spikes, from rest; its slope, and a free swing. Of a prescribed
+    # motion none
+    beside: FloatArray
     impulse: FloatArray  # (3, nt): By a unit of force at one sample, `since` the first of them [s]
     since: FloatArray  # (nt,)
     period: float  # Natural period [s]
@@ -141,7 +143,7 @@ class Answers:
         (F, G), step, force = model.matrices(), time[1] - time[0], np.zeros((time.size, model.n))
         for j, dof in enumerate(model.dofs):
             values = record.channels.get(f"{dof}_force")
-            if values is not None and record.kind != "prescribed":
+            if values is not None:
                 kept = ~np.isin(record.time, spiky) if j == i else np.full(values.size, True)
                 force[:, j] = whole(record.time, np.where(kept, values, np.nan), time)
         pulse = np.zeros_like(force)
@@ -152,8 +154,12 @@ class Answers:
             x, v = (propagate(stepped, u, np.zeros(F.shape[0]))[:, model.fit.states + k * model.n + i] for k in (0, 1))
             return np.stack([x, v, np.gradient(v, step)])
 
-        return cls(time, motions(force), motions(pulse), time - time[0] - 2.0 * step,
-                   2.0 * np.pi / natural_frequency(model, i))
+        omega = natural_frequency(model, i)
+        swing = [np.tile(wave(omega * (time - time[0])), (3, 1)) for wave in (np.cos, np.sin)]
+        moved = motions(force)
+        beside = np.array([moved, np.gradient(moved, axis=1), *swing][:0 if record.kind == "prescribed" else 4])
+        return cls(time, beside.reshape(-1, 3, time.size), motions(pulse), time - time[0] - 2.0 * step,
+                   2.0 * np.pi / omega)
 
     def missing(self, t: FloatArray, x: FloatArray, order: int, when: float, size: float, rules: SpikeRules) -> bool:
         """Whether the motion x at times t about a force of some size at an instant has surely not its answer.
@@ -161,9 +167,8 @@ class Answers:
         Beside the answer goes what the other forces make, late or early and by any factor, a free swing and a
         polynomial; the answer may be late or early as a blow may, and have another factor.
         """
-        others, swing = np.interp(t, self.time, self.moved[order]), 2.0 * np.pi / self.period * (t - when)
-        smooth = np.column_stack([np.vander((t - when) / np.ptp(t), DEGREE + 1), np.cos(swing), np.sin(swing),
-                                  others, np.gradient(others)])
+        smooth = np.column_stack([np.vander((t - when) / np.ptp(t), DEGREE + 1),
+                                  *(np.interp(t, self.time, part[order]) for part in self.beside)])
         if t.size <= smooth.shape[1]:
             return False
         basis = np.linalg.qr(smooth[:, np.any(smooth, axis=0)])[0]
