@@ -91,11 +91,14 @@ def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: di
 
 
 def sizes_of(model: Model, data: Data) -> dict[tuple[str, int], float]:
-    """Return the mean square of each motion in whole records: the part that is predicted may be its faint end."""
+    """Return the mean square of each motion in whole records: the part that is predicted may be its faint end.
+
+    The places of a static test that are predicted lie among all others: they have a size of their own.
+    """
     found = {}
-    for record in data.fitted:
+    for record in (r for r in data.fitted if r.kind != "static"):
         for i, dof in enumerate(model.dofs):
-            values = record.channels.get(dof if record.kind not in ("prescribed", "static") else f"{dof}_force")
+            values = record.channels.get(dof if record.kind != "prescribed" else f"{dof}_force")
             if values is not None and np.isfinite(values).any():
                 found[record.name, i] = float(np.nanmean(values**2))
     return found
@@ -250,7 +253,7 @@ def driven_noise(problems: Sequence[EquationError], pair: Fitted, error: Error) 
         for place in problem.places:
             run = problem.runs[place.record]
             if place.dof == dof and place.order < 0 and run.prescribed and run.force is not None:
-                through = float(np.sum(problem.rows.noise[place.rows])) / run.time.size
+                through = float(np.sum(problem.rows.noise[place.rows])) / run.places
                 through += beyond(problem.model, run, dof)
                 # A load's steps are no noise, and what it has of that is in the places' scatter along it.
                 own = 0.0 if run.record.kind == "static" else noise_of(*recorded_force(problem.model, run, dof),

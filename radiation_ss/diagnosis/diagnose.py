@@ -32,7 +32,7 @@ from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
-from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_freely
+from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
 from radiation_ss.simulation.run import steady_force
 from radiation_ss.simulation.unit_checks import check_units, doubts
 
@@ -64,7 +64,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     seed : int
     withhold : Record, path or pandas.DataFrame, or a sequence of them
         Records that no fit sees. Without any, the effects are searched in all of every record, and their numbers are
-        fitted anew without the last third of each to see how they predict it.
+        fitted anew without the last third of each to see how they predict it; of a static test without every third
+        load in ascending order.
     rules : Rules, optional
         Every number that decides.
     progress : callable, optional
@@ -131,7 +132,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
                     withheld=posed(model, withhold, tolerated, rules))
     else:
-        heads, tails = split(given, rules.tail)
+        heads, tails = split(given, rules.tail, rules.resolution.levels)
         notes += [f"Record {r.name} has too few places for a part that no fit sees: it is checked by what was fitted."
                   for r, rest in zip(given, tails) if r is rest]
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))
@@ -150,7 +151,8 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     notes = [text for record in records for text in (
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
-        found, said = (record, ()) if record.kind in ("prescribed", "static") else measured_freely(model, record)
+        found, said = {"prescribed": measured_driven, "static": lambda _, given: (given, ())}.get(
+            record.kind, measured_freely)(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
         parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
         still = [part for part in parts if not moves(model, part)]

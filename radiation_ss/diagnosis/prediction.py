@@ -13,7 +13,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
-from radiation_ss.inference.readings import fewest
+from radiation_ss.inference.readings import averaged, fewest
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
@@ -49,20 +49,38 @@ class Error:
     static: bool = False
 
 
-def split(records: Sequence[Record], tail: float) -> tuple[list[Record], list[Record]]:
-    """Return the heads of records, from which numbers are fitted for the check, and the tails that check them.
+def split(records: Sequence[Record], tail: float, levels: int) -> tuple[list[Record], list[Record]]:
+    """Return the parts of records from which numbers are fitted for the check, and those that check them.
 
-    Of a static test with too few places for both, each is the whole.
+    The time of a record is cut in two. The rows of a static test, of which `levels` are kept, have no order in time: to
+    check it, loads are taken from among all others.
     """
-    pairs = [(r.window(-np.inf, cut), r.window(cut, np.inf)) if parts_enough(r, cut) else (r, r)
+    pairs = [places_apart(r, tail, levels) if r.kind == "static" else (r.window(-np.inf, cut), r.window(cut, np.inf))
              for r, cut in ((record, cut_of(record, tail)) for record in records)]
     return [head for head, _ in pairs], [rest for _, rest in pairs]
 
 
-def parts_enough(record: Record, cut: float) -> bool:
-    """Whether both parts of a record, before and from a time on, show a motion; all but a static test's do."""
-    late = int(np.sum(record.time >= cut))
-    return record.kind != "static" or min(late, record.time.size - late) >= fewest(record)
+def places_apart(record: Record, share: float, levels: int) -> tuple[Record, Record]:
+    """Return a static test without a share of its loads, and with these alone; twice the whole if it has too few.
+
+    They are spread evenly over the loads in ascending order, of equal ones over the places, so that the order of rows
+    does not choose them. All places stay: they tell which way the body came. Rows that are averaged stay together.
+    """
+    loads = [name for name in record.channels if name.endswith("_force")]
+    places = [dof for dof in record.dofs if dof in record.channels]
+    keep = max(record.time.size // levels, 1)
+    keys = averaged(np.array([record.channels[name] for name in (*loads, *places)]), keep)
+    known = np.flatnonzero(np.isfinite(keys).all(axis=0))
+    every = max(round(1.0 / share), 2)
+    ascending = known[np.lexsort(keys[::-1, known])]
+    chosen = np.isin(np.arange(record.time.size) // keep, ascending[every // 2::every])
+    if min(chosen.sum(), known.size * keep - chosen.sum()) < fewest(record) * keep:
+        return record, record
+
+    def of(rows: np.ndarray) -> Record:
+        return record.with_channels(**{name: np.where(rows, record.channels[name], np.nan) for name in loads})
+
+    return of(~chosen), of(chosen)
 
 
 def cut_of(record: Record, tail: float, swings: int = 8) -> float:
@@ -123,12 +141,13 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     still, edge = motion.record.kind == "static", max(size, 1)
     held = motion.x * np.diag(model.C)[:, None] if still else 0.0 * motion.x
     inner = np.arange(edge, motion.time.size - edge)
+    known = np.flatnonzero(motion.basis[0].g.any(axis=0))
     errors = []
     for i in map(int, np.flatnonzero(motion.free)):
         if still:  # which way the first place was reached is not known, and so not what friction holds there
-            inner = np.flatnonzero(motion.v[i] != 0.0) if np.any(motion.v[i]) else np.arange(motion.time.size)
+            inner = known[motion.v[i, known] != 0.0] if np.any(motion.v[i, known]) else known
         errors.append(Error(motion.record.name, i, "force", motion.time[inner], motion.force[i, inner],
-                            (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i] ** 2))), still))
+                            (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i, inner] ** 2))), still))
     return errors
 
 

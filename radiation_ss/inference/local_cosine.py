@@ -116,10 +116,10 @@ def _block(j: int, number: int, count: int, dt: float, L: float, top: float, edg
     return Block(int(keep[0]), w * c, dw * c - W * w * s, ddw * c - 2 * W * dw * s - W**2 * w * c, omega)
 
 
-def samplewise(count: int) -> Block:
-    """Return test functions that take the samples as they are; for signals without dynamics."""
-    none = np.zeros((count, count))
-    return Block(0, np.eye(count), none, none, np.zeros(count))
+def samplewise(taken: np.ndarray) -> Block:
+    """Return test functions that take some samples, true in `taken` (nt,), as they are: without dynamics."""
+    each = np.eye(taken.size)[taken]
+    return Block(0, each, np.zeros_like(each), np.zeros_like(each), np.zeros(each.shape[0]))
 
 
 def smooth(basis: list[Block], values: FloatArray, tops: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

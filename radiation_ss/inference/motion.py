@@ -22,6 +22,7 @@ from radiation_ss.inference.readings import (
     gauged,
     integrated,
     known_force,
+    loads_known,
     not_measured,
     second_sensors,
     slow_motions,
@@ -117,6 +118,11 @@ class MeasuredMotion:
         return np.asarray(width * (np.arange(FINE * self.basis[0].omega.size) + 0.5))
 
     @property
+    def places(self) -> int:
+        """Samples that the rows of its equation stand for; of a static test those whose load is known."""
+        return self.basis[0].g.shape[0] if self.record.kind == "static" else self.time.size
+
+    @property
     def kept(self) -> float:
         """Samples of the record for each of the grid's."""
         return self.dt / float(np.median(np.diff(self.record.time)))
@@ -171,7 +177,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     dt = float(time[1] - time[0])
     length = min(resolution.periods * 2 * np.pi / omega[moving].min(), (time[-1] - time[0]) / 3.0)
     top = min(fastest, 0.7 * np.pi / (step * grid.keep))
-    basis = ([samplewise(time.size)] if still else
+    basis = ([samplewise(loads_known(model, record, grid))] if still else
              blocks(time.size, dt, length, top, 0.125 * length, resolution.alike))
     bins = None if still else basis[0].omega
     raw, noise = np.zeros((model.n, time.size)), np.zeros((model.n, basis[0].omega.size))
@@ -183,7 +189,7 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
             floor = resolution.noise_floor * float(np.std(values)) * np.sqrt(grid.split / grid.keep)
             level = grid.noise(*f[1:], omega[i], bins, resolution.white)
             if still and (load := record.channels.get(f"{model.dofs[i]}_force")) is not None:
-                along = scatter(f[2], np.interp(f[1], record.time, load)) / np.sqrt(grid.keep)
+                along = scatter(f[2], whole(record.time, load, f[1])) / np.sqrt(grid.keep)
                 level = level if np.isnan(along) else np.array(along)
             # An integral's noise is that of each frequency; what is slower than `integrated` keeps is in `lost`.
             slow = omega[i] if bins is None else np.maximum(bins, SLOW * omega[i])

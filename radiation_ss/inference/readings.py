@@ -342,6 +342,15 @@ def known_force(model: Model, record: Record, grid: Grid) -> FloatArray | None:
     return None if splines is None else np.stack([averaged(f(grid.even), grid.keep) for f in splines])
 
 
+def loads_known(model: Model, record: Record, grid: Grid) -> np.ndarray:
+    """Return which samples of a static test's grid have all of its loads, (nt,): the others tell the way only."""
+    force = record.get("force", model.dofs)
+    missing = np.zeros(record.time.size, dtype=bool)
+    for row in [] if force is None else force:
+        missing |= np.isfinite(row).any() & ~np.isfinite(row)
+    return averaged(np.interp(grid.even, record.time, missing.astype(float)), grid.keep) == 0.0
+
+
 def still_or_waves(model: Model, record: Record, grid: Grid) -> FloatArray:
     """Return elevation, envelope and orbital velocities on the grid, a row each; 0 without an elevation."""
     if "wave_elevation" not in record.channels:

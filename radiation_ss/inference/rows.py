@@ -68,7 +68,7 @@ def rows_of(model: Model, run: MeasuredMotion, place: Place) -> tuple[np.ndarray
     force = run.force if run.force is not None else np.zeros_like(run.raw)
     error = moved(model, run, place, run.raw, run.memory) - projected(model, run, place, force)
     band = np.clip(np.round(omega / run.omega[i]), 0, BANDS - 1).astype(int)
-    spread = run.time.size / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
+    spread = run.places / np.bincount(band, minlength=BANDS)[band]  # samples for each row of the band
     local, whole = local_size(model, run, i)
     local = local if run.force is not None else np.full(local.size, whole)
     return (error, np.tile(force_noise(model, run, place), len(run.basis)),
@@ -181,7 +181,7 @@ def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model:
         steady = projected_on(run.basis, np.ones(run.time.size), 0, p.bins).ravel()
         known = (steady @ error[p.rows]) ** 2 / (steady @ steady) if run.record.kind != "static" else 0.0
         excess += float(np.sum(error[p.rows] ** 2 - noise[p.rows]) - known)
-    samples = sum(runs[p.record].time.size for p in mine)
+    samples = sum(runs[p.record].places for p in mine)
     return float(np.clip(np.sqrt(max(excess, 0.0) / samples) / own_size([runs[p.record] for p in mine], model, i),
                          0.005, 1.0))
 
@@ -189,7 +189,7 @@ def relative_gap(places: Sequence[Place], runs: Sequence[MeasuredMotion], model:
 def own_size(runs: Sequence[MeasuredMotion], model: Model, i: int) -> float:
     """Return the rms of the model's own force on one motion over records, what a relative gap is a share of."""
     squares = [local_size(model, run, i)[1] ** 2 for run in runs]
-    return float(np.sqrt(np.average(squares, weights=[run.time.size for run in runs])))
+    return float(np.sqrt(np.average(squares, weights=[run.places for run in runs])))
 
 
 def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:

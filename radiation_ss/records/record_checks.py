@@ -49,7 +49,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
         marks = list(_marks_of_missing(there))
         found += [f"{name}: {count} samples of {level:g}, far from all others; does it stand for missing ones? Leave "
                   "such cells empty" for level, count in marks]
-        found += _channel(name, there[~np.isin(there, [level for level, _ in marks])], most)
+        found += _channel(name, there[~np.isin(there, [level for level, _ in marks])], most, record.kind == "static")
         found += _zero(name, there, record.kind)
     for dof in record.dofs:
         found += signals.column_conflicts(record, dof, rows) or signals.column_doubts(record, dof)
@@ -92,8 +92,12 @@ def check_given_once(records: Sequence[Record], withheld: Sequence[Record] = ())
             raise InputError(f"{name} and {other_name} hold the same samples; give one of both")
 
 
-def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, lean: float = 1.2) -> Iterator[str]:
-    """Yield what looks wrong with a channel: more than `largest` [m] or `lean` [rad], `most` samples on one value."""
+def _channel(name: str, values: FloatArray, most: int, still: bool, largest: float = 50.0,
+             lean: float = 1.2) -> Iterator[str]:
+    """Yield what looks wrong with a channel: more than `largest` [m] or `lean` [rad], `most` samples on one value.
+
+    A test that is `still` reads the same again and again.
+    """
     if values.size < 2:
         yield f"{name}: {values.size} sample(s) in the whole record"
         return
@@ -110,8 +114,8 @@ def _channel(name: str, values: FloatArray, most: int, largest: float = 50.0, le
     among = f" of the first {most}" if values.size > most else ""
     for side, level, count in clipped(np.delete(values[:most], logged_again(values[:most]))):
         yield f"{name}: clipped at {side} of {level:.4g} ({count} samples{among}); the sensor's range is too small"
-    for fault, places in faults(name, values[:most]).items():
-        if places.size and fault != "clipped" and not name.endswith("_force"):
+    for fault, places in ({} if still else faults(name, values[:most])).items():
+        if places.size and fault != "clipped":
             yield f"{name}: {places.size} samples{among} {FAULTS[fault]} (the first: {places[0] + 1}); leave them empty"
 
 

@@ -12,9 +12,10 @@ __getattr__, __all__ = door(__name__, {
     "force_checks": "turned TurnRules",
     "headings": "along_waves force_of_waves heading",
     "linear": "exact_step Kernel left_over linear_response propagate",
-    "measured": "coarse_excitation drifting mean_frequency measured_freely SpikeRules unsure_edge without_spikes",
+    "measured": "coarse_excitation drifting mean_frequency measured_driven measured_freely unsure_edge",
     "prepared": "exciting_force half_steps prepare wave_force",
     "rollout": "interpolate Motion Rollout",
     "run": "run_in_steps simulate",
+    "spikes": "SpikeRules without_spikes without_spikes_of_force",
     "unit_checks": "check_decays check_units doubts memory_length",
 })

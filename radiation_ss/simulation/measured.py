@@ -2,20 +2,19 @@
 and how far from its ends the force of the elevation is known.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.fft import dct
 
-from radiation_ss.arrays import FloatArray, lagrange
+from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
-from radiation_ss.records.faults import left_out, without_faults
+from radiation_ss.records.faults import without_faults
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import since_release, without_dead, without_gravity
 from radiation_ss.records.signals import middle, only_noise, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
+from radiation_ss.simulation.spikes import without_spikes, without_spikes_of_force
 
 
 def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
@@ -25,10 +24,21 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     fastest = max(natural_frequency(model, i) for i in range(model.n))
     said: tuple[str, ...] = ()
     for clean in (without_dead, without_gravity, without_faults,
-                  lambda given: without_spikes(given, 2.0 * np.pi / fastest), since_release):
+                  lambda given: without_spikes(given, 2.0 * np.pi / fastest),
+                  lambda given: without_spikes_of_force(model, given), since_release):
         record, more = clean(record)
         said += more
     return record, said
+
+
+def measured_driven(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return a record of a prescribed motion without spikes of its forces and what these hang at, and what was said.
+
+    The motion is the rig's: it may be held, turned and stopped at once.
+    """
+    record, said = without_faults(record, motions=False)
+    record, more = without_spikes_of_force(model, record)
+    return record, (*said, *more)
 
 
 def drifting(model: Model, record: Record, far: float = 3.0) -> tuple[str, ...]:
@@ -68,115 +78,6 @@ def power_of(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
     count = even.size // 2
     power = (dct(even - even.mean()) ** 2)[: 2 * count].reshape(count, 2).sum(axis=1)
     return np.asarray(np.pi * (2.0 * np.arange(count) + 0.5) / (even.size * dt)), np.asarray(power)
-
-
-SIDE, DEGREE = 6, 5  # samples on each side of a spike, and the polynomial through them
-BESIDE = 16  # samples on each side from which the noise at its place is taken
-TO_NORMAL = 1.4826  # median of absolute values to standard deviation
-
-
-@dataclass(frozen=True)
-class SpikeRules:
-    """What makes a sample a spike."""
-
-    apart: float = 8.0  # Standard deviations of the noise that it stands out of a smooth motion
-    surer: float = 5.0  # Standard deviations by which it must explain its place better than a blow does
-    clearer: float = 4.0  # Times more that the best blow must leave, where noise is no measure
-    most: float = 0.02  # Largest share of all samples; where more stand apart, that is how the motion is
-    resolved: float = 6.0  # Samples in a period: three in each swing
-    # Where a blow may be: first and last place and step, in samples from the spike
-    blows: tuple[float, float, float] = (-2.0, 2.0, 0.25)
-
-
-def without_spikes(record: Record, period: float, rules: SpikeRules = SpikeRules()) -> tuple[Record, tuple[str, ...]]:
-    """Return the record without samples of displacement and velocity that stand apart, and a sentence for each channel.
-
-    An accelerometer may show a blow as one sharp sample: it stays; so does a motion with fewer than `rules.resolved`
-    samples in the model's shortest natural `period` [s].
-    """
-    def find(name: str, time: FloatArray, values: FloatArray) -> dict[str, np.ndarray]:
-        if (name.endswith("_acceleration") or time.size < 4 * SIDE
-                or rules.resolved * float(np.median(np.diff(time))) > period):
-            return {}
-        return {"stand apart from their neighbours and are left out": spikes(time, values, rules)}
-
-    return left_out(record, find)
-
-
-def spikes(t: FloatArray, x: FloatArray, rules: SpikeRules) -> np.ndarray:
-    """Return the places of the samples x at t that stand apart from those before and after them.
-
-    They are far from the cubic through two neighbours on either side, by the noise of the record and around them
-    (Hampel's rule). A blow gives sharp places, too: a spike must explain its place better than a corner or a step.
-    """
-    apart = from_neighbours(t, x)
-    noise = noise_around(x, apart)
-    size = np.abs(apart)
-    highest = np.lib.stride_tricks.sliding_window_view(np.pad(size, 2), 5).max(axis=1)
-    doubtful = np.flatnonzero((size == highest) & (size > rules.surer * noise))
-    if doubtful.size > rules.most * x.size + 1.0:
-        return np.zeros(0, dtype=int)
-    for _ in range(2):  # beside all that are doubtful, then beside those only that turn out to be spikes
-        sure = [k for k in doubtful if is_spike(t, x, int(k), float(noise[k]), doubtful, rules)]
-        doubtful = np.array(sure, dtype=int)
-    return doubtful
-
-
-def from_neighbours(t: FloatArray, x: FloatArray) -> FloatArray:
-    """Return how far each sample is from the cubic through its neighbours, over what unit noise makes of it."""
-    found = np.zeros(x.size)
-    beside, step = np.arange(2, x.size - 2)[:, None] + [-2, -1, 1, 2], float(np.median(np.diff(t)))
-    weights = lagrange(t[beside], t[2:-2])
-    distance = x[2:-2] - np.sum(weights * x[beside], axis=1)
-    whole = t[4:] - t[:-4] < 6.0 * step
-    found[2:-2] = np.where(whole, distance / np.sqrt(1.0 + np.sum(weights**2, axis=1)), 0.0)
-    return found
-
-
-def noise_around(x: FloatArray, apart: FloatArray) -> FloatArray:
-    """Return the noise's standard deviation at each sample: of the record or of its surroundings, or a level of a
-    coarse quantisation, whichever is largest.
-    """
-    size = np.abs(apart)
-    moved = size[size > 1e-12 * np.ptp(x)]
-    levels = np.diff(np.unique(x))
-    levels = levels[levels > 1e-9 * np.ptp(x)]
-    everywhere = max(TO_NORMAL * float(np.median(moved)) if moved.size else 0.0,
-                     float(levels.min()) if levels.size else 0.0)
-    padded = np.pad(size, BESIDE, mode="reflect")
-    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * BESIDE + 1)
-    others = np.abs(np.arange(-BESIDE, BESIDE + 1)) > 2
-    return np.maximum(everywhere, TO_NORMAL * np.median(around[:, others], axis=1))
-
-
-def is_spike(t: FloatArray, x: FloatArray, k: int, noise: float, others: np.ndarray, rules: SpikeRules) -> bool:
-    """Whether one sample apart of a smooth motion explains a place, and a corner or a step does not; others are left
-    out.
-    """
-    near = np.setdiff1d(np.arange(max(k - 2 * SIDE, 0), min(k + 2 * SIDE + 1, x.size)), others)
-    before, after = near[near < k][-SIDE:], near[near > k][:SIDE]
-    if min(before.size, after.size) < SIDE:
-        return False
-    around = np.concatenate([before, [k], after])
-    step = float(np.median(np.diff(t[around])))
-    at = (t[around] - t[k]) / step
-    if np.ptp(at) > 3.0 * SIDE:
-        return False
-    smooth, y = np.vander(at / SIDE, DEGREE + 1), x[around]
-    spike = left(smooth, (at == 0.0).astype(float), y)
-    first, last, pace = rules.blows
-    blows = [np.maximum(at - where, 0.0) for where in np.arange(first, last + 0.5 * pace, pace)]
-    blows += [(at > where).astype(float) for where in 0.5 * (at[1:] + at[:-1]) if abs(where) < 2.0]
-    blow = min(left(smooth, column, y) for column in blows)
-    plain = left(smooth, np.zeros(at.size), y)
-    return bool(plain - spike > (rules.apart * noise) ** 2 and blow - spike > (rules.surer * noise) ** 2
-                and blow > rules.clearer * spike)
-
-
-def left(smooth: FloatArray, column: FloatArray, y: FloatArray) -> float:
-    """Return the sum of squares that a smooth motion with one column more leaves."""
-    basis = np.column_stack([smooth, column])
-    return float(np.sum((y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]) ** 2))
 
 
 def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: float = 1.0 / 6.0) -> float:

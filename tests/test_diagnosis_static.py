@@ -1,0 +1,66 @@
+"""The gap of static tests, made here by closed forms: the order of their rows does not choose what it is."""
+
+import numpy as np
+import pytest
+
+import radiation_ss as rss
+
+SHIP = {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 0.341, "added_mass": 19.0, "damping_ratio": 0.005}
+UP = np.arange(-10.0, 11.0)
+ORDERS = {"up": UP, "down": UP[::-1], "to both sides": np.array(sorted(UP, key=abs)),
+          "there and back": np.r_[0.0:11.0:2.0, 8.0:-11.0:-2.0, -8.0:1.0:2.0],
+          "shuffled": np.random.default_rng(7).permutation(UP)}
+
+
+def inclined(model, degrees, law, *, name="inclining"):
+    heel = np.deg2rad(degrees)
+    seen = heel + np.deg2rad(0.005) * np.random.default_rng(1).standard_normal(heel.size)
+    load = law(model.C[0, 0], heel)
+    return rss.Record(np.arange(float(heel.size)), {"Roll": seen, "Roll_force": load}, kind="static", name=name)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_stiffness_that_is_a_tenth_off_makes_an_eleventh_of_the_load_in_any_order(order):
+    model = rss.body(**SHIP)
+    record = inclined(model, ORDERS[order], lambda C, heel: 1.1 * C * heel)
+    found = rss.diagnose(model, record, effects=["linear_stiffness"], tolerance={"stiffness": 0.02})
+    assert found.how_far.gap_before == pytest.approx(0.1 / 1.1, rel=0.02)
+    assert found.how_far.gap_after < 0.005
+
+
+@pytest.mark.parametrize("order", ["there and back", "shuffled"])
+def test_what_grows_with_the_heel_is_seen_wherever_the_record_ends(order):
+    """Of places around zero alone the cubic has no share: the gap is over the whole range of loads."""
+    model, heel = rss.body(**SHIP), np.deg2rad(ORDERS[order])
+    own, cubic = model.C[0, 0] * heel, 4.0 * model.C[0, 0] * heel**3
+    found = rss.diagnose(model, inclined(model, ORDERS[order], lambda C, x: C * x + 4.0 * C * x**3),
+                         effects=["cubic_stiffness"])
+    whole = np.sqrt(np.sum(cubic**2) / np.sum((own + cubic) ** 2))
+    assert [e.name for e in found.verdict.effects] == ["cubic_stiffness"]
+    assert found.how_far.gap_before == pytest.approx(whole, rel=0.25)
+    assert found.how_far.gap_after < 0.2 * whole
+
+
+def test_the_way_to_a_place_is_known_where_the_places_between_are_unseen():
+    """Friction holds against the way that the body came; of every third place alone it has another one at a turn."""
+    model = rss.body(**SHIP)
+    there = np.r_[0.0:11.0:2.0, 8.0:-11.0:-2.0, -8.0:11.0:2.0, 8.0:-1.0:-2.0]
+    way = np.sign(np.diff(there, prepend=-1.0))
+    record = inclined(model, there, lambda C, heel: C * heel + 4.0 * way)
+    found = rss.diagnose(model, record, effects=["coulomb_friction", "linear_stiffness"])
+    assert [e.name for e in found.verdict.effects] == ["coulomb_friction"]
+    assert found.how_far.gap_after < 0.1 * found.how_far.gap_before
+
+
+def test_a_place_without_its_load_tells_nothing_but_the_way():
+    model = rss.body(**SHIP)
+    record = inclined(model, ORDERS["there and back"], lambda C, heel: 1.1 * C * heel)
+    load = record.channels["Roll_force"].copy()
+    load[[3, 4, 9]] = np.nan
+    found = rss.diagnose(model, record.with_channels(Roll_force=load), effects=["linear_stiffness"])
+    rows = np.flatnonzero(np.isfinite(load))
+    fewer = rss.diagnose(model, rss.Record(np.arange(float(rows.size)), {
+        name: values[rows] for name, values in record.channels.items()}, kind="static", name="inclining"),
+        effects=["linear_stiffness"])
+    assert found.verdict.status == fewer.verdict.status
+    assert found.how_far.gap_before == pytest.approx(fewer.how_far.gap_before, rel=0.02)
