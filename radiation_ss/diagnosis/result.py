@@ -31,6 +31,8 @@ class Named:
     units : mapping of str to str
     inclusion : float
         Probability that it is there.
+    channels : tuple of str
+        Of a fault of second sensors alone: their channels in the records.
     """
 
     name: str
@@ -38,11 +40,13 @@ class Named:
     parameters: Mapping[str, tuple[float, float]]
     units: Mapping[str, str] = field(default_factory=dict)
     inclusion: float = 1.0
+    channels: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
         return {"name": self.name, "dof": self.dof,
-                "parameters": {key: list(value) for key, value in self.parameters.items()}}
+                "parameters": {key: list(value) for key, value in self.parameters.items()},
+                **({"channels": list(self.channels)} if self.channels else {})}
 
 
 @dataclass(frozen=True)

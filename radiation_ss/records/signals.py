@@ -75,9 +75,11 @@ def column_doubts(record: Record, dof: str, apart: float = 1.4, alike: float = 0
         band, above = band_of(omega, below), spectrum_of(record, record.channels[upper])[1]
         correlation, times = compared(below[band] * (1j * omega[band]) ** (high - low), above[band])
         if band.sum() >= lines and correlation > alike and not 1.0 / apart < times < apart:
-            knots = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
+            unit = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
+            weight = upper == f"{dof}_acceleration" and motion_unit(dof) == "m" and 0.95 < 9.81 * times < 1.05
+            unit = " (in g?)" if weight else unit
             rate = "rate" if high - low == 1 else "second rate"
-            found.append(f"{upper} is {times:.3g} times the {rate} of change of {lower}{knots}; "
+            found.append(f"{upper} is {times:.3g} times the {rate} of change of {lower}{unit}; "
                          f"{units_text(dof, (lower, upper))}")
     return found
 
