@@ -152,6 +152,9 @@ class Diagnosis(Shown):
         "given", "recalibrated" and "corrected" on the unseen records.
     rules : Rules
     notes : tuple of str
+    misreadings : tuple of str
+        What columns may be instead, of the notes, where no name is sure and the best set leaves a gap that matters: the
+        sentence begins with the first.
 
     Examples
     --------
@@ -181,6 +184,7 @@ class Diagnosis(Shown):
     dofs: tuple[str, ...] = ()
     rules: Rules = field(default_factory=Rules)
     notes: tuple[str, ...] = ()
+    misreadings: tuple[str, ...] = ()
 
     @property
     def not_testable(self) -> tuple[str, ...]:

@@ -232,6 +232,16 @@ def within_tolerance(found: Diagnosis) -> str:
 
 
 def sentence(found: Diagnosis) -> str:
+    """Return the verdict in one sentence, after what columns may be instead where that explains more of the gap."""
+    told = verdict(found)
+    if not found.misreadings:
+        return told
+    first, *more = found.misreadings
+    beside = f" (and {len(more)} more in the notes)" if more else ""
+    return f"First check {first}{beside}. As the columns are read: {told}"
+
+
+def verdict(found: Diagnosis) -> str:
     """Return the verdict in one sentence, with what the recalibration exceeds."""
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
