@@ -202,6 +202,44 @@ def test_one_of_two_sensors_that_reads_too_much_is_told_from_the_force_by_the_ot
     assert abs(value - gain) < 3.0 * std and found.how_far.gap_after < 0.02
 
 
+@pytest.mark.parametrize(("late", "gain"), [(0.0, 0.3), (0.0, 1.0 / 9.81 - 1.0), (0.3, 0.0)])
+@pytest.mark.parametrize("seed", [5, 6])
+def test_a_wrong_second_sensor_is_named_by_its_channel_beside_a_right_displacement(seed, late, gain):
+    """An accelerometer that reads too much, in g, or late: the motion goes as the model says."""
+    time, force, x, v, rng = driven(seed, 0.8, 4.0)
+    a = (1.0 + gain) * CubicSpline(time, v)(np.maximum(time - late, 0.0), 1)
+    channels = {"Heave": x + 0.01 * x.std() * rng.normal(size=time.size),
+                "Heave_acceleration": a + 0.02 * a.std() * rng.normal(size=time.size), "Heave_force": force}
+    found = rss.diagnose(MODEL, rss.Record(time, channels, kind="forced", name="sea"))
+    (named,) = found.verdict.effects
+    number, size = ("delay", late) if late else ("gain", gain)
+    assert (named.name, named.channels) == (f"sensor_{number}", ("Heave_acceleration",))
+    assert abs(named.parameters[number][0] - size) < 0.02 * abs(size)
+    assert f"sensor_{number} on Heave_acceleration" in found.sentence and found.how_far.gap_after < 0.02
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("wrong", "words"), [
+    ("kgf", "Heave_force taken from kgf to N"), ("order", "Heave and Pitch exchanged"),
+    ("clock", "Heave_acceleration comes 5 s earlier")])
+def test_what_columns_may_be_instead_leads_the_verdict(tmp_path, seed, wrong, words):
+    if wrong == "order":
+        time, force, x, _, rng = driven_pair(seed)
+        model, motion, forces = PAIR, dict(zip(("Pitch", "Heave"), x.T)), force
+    else:
+        time, force, x, v, rng = driven(seed, 0.8, 4.0)
+        model, motion, forces = MODEL, {"Heave": x}, [force / 9.81 if wrong == "kgf" else force]
+        if wrong == "clock":
+            motion = {"Heave": np.interp(time - 5.0, time, x), "Heave_acceleration": np.gradient(v, time)}
+    channels = {name: y + 0.01 * y.std() * rng.normal(size=time.size) for name, y in motion.items()}
+    channels |= {f"{dof}_force": row for dof, row in zip(model.dofs, forces)}
+    found = rss.diagnose(model, rss.Record(time, channels, kind="forced", name="sea"), ["quadratic_drag"])
+    assert found.verdict.status in ("unknown_effect", "ambiguous")
+    assert found.sentence.startswith("First check record sea, ") and words in found.sentence.split("As the columns")[0]
+    found.save(tmp_path / "out")
+    assert words in (tmp_path / "out" / "report.html").read_text() and found.sentence == str(found)
+
+
 def test_clocks_that_differ_from_record_to_record_are_told_of_the_records():
     """The motion of each sea stands so much later in its file than the force; without lags nothing is said."""
     def told(lags):

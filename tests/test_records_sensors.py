@@ -1,5 +1,7 @@
 """From what sensors measured to what a record holds; what looks wrong with a record by itself."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -263,3 +265,19 @@ def test_rotations_of_ones_own_are_turned_into_radians():
     assert turned.channels["flap"] == pytest.approx(np.pi / 2) and np.array_equal(turned.channels["gap"], TIME)
     with pytest.raises(rss.InputError, match="none of its rotations"):
         rss.in_radians(flap, "gap")
+
+
+@pytest.mark.parametrize("late", [-4.0, 0.5, 1.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_two_sensors_of_one_motion_that_differ_in_time_are_told_by_how_much(seed, late):
+    noise, (heave, _, acceleration) = np.random.default_rng(seed), sea(seed)
+    later = sea(seed, TIME - late)[0]
+    read = {"Heave": 0.01 * heave.std(), "Heave_acceleration": 0.02 * acceleration.std()}
+    for motion, told in ((heave, False), (later, True)):
+        values = dict(zip(read, (motion, acceleration)))
+        record = rss.Record(TIME, {n: y + read[n] * noise.standard_normal(TIME.size) for n, y in values.items()})
+        said = suspicions(record)
+        assert len(said) == told
+        for text in said:
+            lag, way = re.match(r"Heave_acceleration comes (\S+) s (\w+) than the second rate", text).groups()
+            assert float(lag) == pytest.approx(abs(late), abs=0.01) and way == ("earlier" if late > 0.0 else "later")

@@ -156,10 +156,10 @@ def test_a_memory_of_another_length_is_the_kernel_stretched(longer):
     assert np.abs(found - expected)[:4].max() < 2e-3 * np.abs(expected[:4]).max()
 
 
-def test_a_gain_is_that_of_the_displacement_or_of_every_sensor():
+def test_a_gain_is_that_of_the_displacement_of_every_sensor_or_of_every_other_one():
     model, gain = tank_model(), {"gain": 0.25}
     plain = np.asarray(simulate(model, (TIME, FORCE)).outputs)
-    for every, factors in ((1.0, (1.25, 1.25, 1.25)), (0.0, (1.25, 1.0, 1.0)), (1.0, (1.25, 1.25, 1.25))):
+    for every, factors in ((1.0, (1.25, 1.25, 1.25)), (0.0, (1.25, 1.0, 1.0)), (-1.0, (1.0, 1.25, 1.25))):
         found = np.asarray(simulate(model, (TIME, FORCE), [("sensor_gain", {**gain, "all_sensors": every})]).outputs)
         np.testing.assert_allclose(found, np.array(factors)[:, None] * plain, atol=1e-9 * np.abs(plain).max())
 

@@ -103,7 +103,7 @@ def information_of(model: Model, tests: Sequence[PlannedTest], effects: Sequence
         return np.stack([known.information(J) for known, J in zip(own_numbers, read(changes))])
 
     best: dict[tuple[str, str, str], tuple[float, Term, list[FloatArray]]] = {}
-    for term in terms_of(problem, effects):
+    for term in (t for t in terms_of(problem, effects) if t.active.of_first_sensor):  # of others the motion tells none
         effect = term.active.effect  # changes by one prior standard deviation of each strength
         slabs = slabs_of(problem, effect, term.active.dof, term.active.other) or {}
         spread = np.array([slabs[name].sd for name, p in effect.parameters.items() if p.strength])

@@ -188,10 +188,10 @@ class Simulated:
         for r, run in enumerate(self.runs):
             force = np.stack([by_record[r].force for by_record in strengths], axis=-1)
             change = response(self.model, force, run.dt)
-            read = make_interp_spline(run.time, np.stack([by_record[r].reading for by_record in strengths], axis=-1),
-                                      k=5, axis=1)
-            for order in range(3 if active.of_every_sensor else 1):
-                change[order] += read(run.time, order)
+            for order in range(3):
+                own = [by_record[r].others if order else by_record[r].reading for by_record in strengths]
+                if np.any(own):
+                    change[order] += make_interp_spline(run.time, np.stack(own, axis=-1), k=5, axis=1)(run.time, order)
             if per_record:
                 spread = np.zeros((*change.shape, len(self.runs)))
                 spread[..., r] = change

@@ -20,7 +20,7 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.inference.sensor_noise import noise_of
 from radiation_ss.inference.trajectory_fit import fit_trajectories
-from radiation_ss.records.columns import QUANTITIES
+from radiation_ss.records.columns import QUANTITIES, RATES
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
@@ -59,7 +59,8 @@ def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], toler
     Unless the model's own numbers have to take its place: two effects may multiply an equation together.
     """
     closed = contributions(pair, known)
-    kept = [t for t, c in zip(pair.candidate.terms, closed) if c >= rules.matters]
+    seen = np.maximum(closed, in_second_sensors(problem, pair.candidate))
+    kept = [t for t, c in zip(pair.candidate.terms, seen) if c >= rules.matters]
     if len(kept) == len(pair.candidate.terms):
         return pair, closed
     candidate = solve_set(problem, kept, pair.candidate.posterior.sizes, rules.search)
@@ -269,6 +270,26 @@ def beyond(model: Model, run: MeasuredMotion, dof: int) -> float:
     density = run.noise[:, -1] ** 2 * run.dt / np.pi
     through = np.abs(impedance(model, at)[:, dof]) ** 2 * (at[:, None] <= run.clear) @ density
     return 0.0 if run.record.kind == "static" else float(np.trapezoid(through, at))
+
+
+def in_second_sensors(problem: EquationError, candidate: Candidate) -> FloatArray:
+    """Return how much of the second sensors' rms each effect of a set makes that is theirs alone; 0 of the others."""
+    found, at = np.zeros(len(candidate.terms)), problem.base.count
+    for k, term in enumerate(candidate.terms):
+        strengths = candidate.posterior.mean[at:at + term.columns.count]
+        at += term.columns.count
+        for p in problem.places if not term.active.of_first_sensor else ():
+            size = np.sqrt(problem.runs[p.record].time.size) * problem.rows.scale[p.rows].max()
+            made = np.linalg.norm(np.asarray(term.columns.values[p.rows]) @ strengths) if p.order >= 0 else 0.0
+            found[k] = max(found[k], float(made / size))
+    return found
+
+
+def channels_of(problem: EquationError, active: Active) -> tuple[str, ...]:
+    """Return the channels that an effect is of, where it is of second sensors alone."""
+    read = {(s.order, s.dof) for run in problem.runs for s in run.sensors if not active.of_first_sensor}
+    return tuple(f"{active.dof}{list(RATES)[order]}" for order, dof in sorted(read)
+                 if problem.model.dofs[dof] == active.dof)
 
 
 def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:

@@ -12,8 +12,10 @@ from radiation_ss.diagnosis.account import (
     Data,
     Fitted,
     account,
+    channels_of,
     farthest,
     first,
+    in_second_sensors,
     numbers,
     numbers_told,
     of_size,
@@ -113,10 +115,11 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
             beside: Remainder, rules: Rules) -> Grounds:
     """Return what the verdict follows from."""
     problem, dofs = found.problem, found.problem.model.dofs
+    seen = np.maximum(closed, in_second_sensors(problem, pair.candidate))
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
     sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
-             for active, stds, size in zip(pair.best.effects, pair.best.effects_std, closed)
+             for active, stds, size in zip(pair.best.effects, pair.best.effects_std, seen)
              if size >= rules.matters and active.effect.family != "offset"]
     named = [e for e, clear, _ in sized if clear and e.inclusion >= rules.sure and not ledger.worse
              and unrivalled(found, (e.name, *places(e.dof)), rules.sure)]
@@ -141,7 +144,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
         worth=min(1.0 - max(rules.false_alarm, odd, data.contradiction), 1.0 / (1.0 + ledger.against),
                   *(e.inclusion for e in slow)),
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
-        matter=max(closed, default=0.0) >= rules.matters, shrinks=shrinks(ledger, rules), grows=grows,
+        matter=max(seen, default=0.0) >= rules.matters, shrinks=shrinks(ledger, rules), grows=grows,
         closes=left <= rules.unexplained or rest < rules.matters,
         outside=min(rest, ledger.unexplained) >= rules.matters and (grows or beside.missed)
         and ledger.beyond >= rules.matters,
@@ -247,7 +250,7 @@ def name(problem: EquationError, active: Active, stds: Sequence[float], chance: 
     """Return an effect with numbers and units."""
     second = active.other or active.dof
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
-    return Named(active.name, place(active), numbers_told(active, stds), units, chance)
+    return Named(active.name, place(active), numbers_told(active, stds), units, chance, channels_of(problem, active))
 
 
 def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:

@@ -31,6 +31,8 @@ class Named:
     units : mapping of str to str
     inclusion : float
         Probability that it is there.
+    channels : tuple of str
+        Of a fault of second sensors alone: their channels in the records.
     """
 
     name: str
@@ -38,11 +40,13 @@ class Named:
     parameters: Mapping[str, tuple[float, float]]
     units: Mapping[str, str] = field(default_factory=dict)
     inclusion: float = 1.0
+    channels: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the form of report.json."""
         return {"name": self.name, "dof": self.dof,
-                "parameters": {key: list(value) for key, value in self.parameters.items()}}
+                "parameters": {key: list(value) for key, value in self.parameters.items()},
+                **({"channels": list(self.channels)} if self.channels else {})}
 
 
 @dataclass(frozen=True)
@@ -148,6 +152,9 @@ class Diagnosis(Shown):
         "given", "recalibrated" and "corrected" on the unseen records.
     rules : Rules
     notes : tuple of str
+    misreadings : tuple of str
+        What columns may be instead, of the notes, where no name is sure and the best set leaves a gap that matters: the
+        sentence begins with the first.
 
     Examples
     --------
@@ -177,6 +184,7 @@ class Diagnosis(Shown):
     dofs: tuple[str, ...] = ()
     rules: Rules = field(default_factory=Rules)
     notes: tuple[str, ...] = ()
+    misreadings: tuple[str, ...] = ()
 
     @property
     def not_testable(self) -> tuple[str, ...]:

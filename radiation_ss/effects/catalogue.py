@@ -281,20 +281,20 @@ def inputs() -> list[Effect]:
 
 
 def sensors() -> list[Effect]:
-    """Faults of the motion's sensors: of the displacement's, or with `all_sensors` = 1 of every one."""
-    all_sensors = P("1", 0, starts=lambda s: (0.0, 1.0), fixed=True)
+    """Faults of the motion's sensors: of the displacement's, with `all_sensors` 1 of every one, -1 of every other."""
+    all_sensors = P("1", 0, starts=lambda s: (0.0, 1.0, -1.0), fixed=True)
     late: dict[str, Any] = {"clock_out": lambda s, p: s.t - p.delay, "family": "sensor", "linear": True,
                             "needs": "force"}
     return [
         Effect("sensor_delay", {"delay": P("s", 1, of_period(0.1)), "all_sensors": all_sensors}, **late,
-               summary="the displacement's sensor reads late, or every sensor of the motion"),
+               summary="the displacement's sensor reads late, or every other one, or every one of the motion"),
         Effect("common_sensor_delay", {"delay": P("s", 1, of_period(0.1))}, **late, scope="body", common=True,
                summary="all motions are read late by the same time: a camera's or an amplifier's filter"),
         Effect("clock_offset", {"delay": P("s", 0, of_period(0.1))}, **late, per_record=True, optional=True,
                summary="the displacement's clock against the force's, by another time in each record"),
         Effect("sensor_gain", {"gain": P("1", 0, lambda s: 0.3), "all_sensors": all_sensors},
                output=lambda s, p: (1.0 + p.gain) * s.y, family="sensor", linear=True,
-               summary="the displacement's sensor, or every one of the motion, reads (1 + gain) times the motion"),
+               summary="the displacement's sensor, every other or every one reads (1 + gain) times the motion"),
         Effect("sensor_bias", {"bias": P("X", 0, lambda s: 0.3 * s.x)}, output=lambda s, p: s.y + p.bias,
                family="offset", summary="the sensor's zero is off"),
         Effect("clock_drift", {"rate": P("1", 0, lambda s: 0.25 / (s.omega * s.duration), lower=-0.01, upper=0.01)},

@@ -212,9 +212,14 @@ class Active:
         return id(self.effect), self.dof, self.other
 
     @property
-    def of_every_sensor(self) -> bool:
-        """Whether all sensors of a motion read so, not that of its displacement alone."""
-        return (self.effect.clock_out is not None and self.dof == "") or self.values.get("all_sensors", 0.0) == 1.0
+    def of_first_sensor(self) -> bool:
+        """Whether a motion's displacement is read so."""
+        return self.values.get("all_sensors", 0.0) >= 0.0
+
+    @property
+    def of_other_sensors(self) -> bool:
+        """Whether a motion's velocity and acceleration are read so."""
+        return (self.effect.clock_out is not None and self.dof == "") or self.values.get("all_sensors", 0.0) != 0.0
 
     def bound(self, model: Any) -> "Active":
         """Return it with what its effect takes from the model, as copies of the radiation's states."""

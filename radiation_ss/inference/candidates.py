@@ -66,6 +66,11 @@ class Term:
         return self.key, tuple(self.active.values.get(name, 0.0) for name, p in parameters if p.fixed)
 
     @property
+    def simulated(self) -> bool:
+        """Whether simulations show it: they are of the first sensors, and have no numbers of each record's own."""
+        return self.active.of_first_sensor and not self.active.effect.per_record
+
+    @property
     def clock(self) -> bool:
         """Whether it shifts time by one number for all records."""
         effect = self.active.effect
@@ -137,7 +142,7 @@ def terms_at(problem: EquationError, effect: Effect, dof: str, other: str) -> It
     grids = [[0.0] if p.starts is None else list(p.starts(sizes)) for p in effect.parameters.values()]
     shapes = [Active(effect, dof, dict(zip(effect.parameters, map(float, s))), other) for s in product(*grids)]
     if not any(place.order >= 0 and place.dof in map(problem.model.dofs.index, moving) for place in problem.places):
-        shapes = [shape for shape in shapes if shape.values.get("all_sensors") != 1.0]  # there is one sensor
+        shapes = [shape for shape in shapes if shape.values.get("all_sensors", 0.0) == 0.0]  # there is one sensor
     for active in (shape.bound(problem.model) for shape in shapes):
         columns = term_columns(problem, active, slabs)
         if columns is not None:

@@ -33,7 +33,7 @@ class Feature:
     # displacement, or of a prescribed motion by the measured force
     response: ComplexArray
     reading_response: ComplexArray  # (nw, n, n): The same for the readings
-    alike: bool = False  # Whether a motion's other sensors are read so, too
+    others: FloatArray  # (n, nt): What it adds to the displacements that the other sensors are derivatives of
 
 
 def features(symbols: "Symbols", active: Active, runs: Sequence[MeasuredMotion]) -> list[list[Feature]]:
@@ -62,7 +62,7 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
     values[list(strengths)] = 0.0
     if not run.free[symbols.places].any() or (run.record.kind == "static" and not effect.settled):
         still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
-        return [Feature(still[0], still[0], still[1], still[1])] * len(strengths)
+        return [Feature(still[0], still[0], still[1], still[1], still[0])] * len(strengths)
     rows = symbols.values(run)
     found = []
     for strength in strengths:
@@ -98,8 +98,10 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
             if driving is not None:
                 force[symbols.places] += shift * secant(run.time, driving[symbols.places], whole)
             for place in symbols.places if driving is None else ():  # its Jacobian's modulus is one: it turns phases
-                reading[place] += shift * secant(run.time, run.x[place], -whole)
-        found.append(Feature(force, reading, response, seen, active.of_every_sensor))
+                # The motion is what a late sensor will read; what others read late has been.
+                reading[place] += shift * secant(run.time, run.x[place], -whole if active.of_first_sensor else whole)
+        first, others = float(active.of_first_sensor), float(active.of_other_sensors)
+        found.append(Feature(force, first * reading, response, seen if first else 0.0j * seen, others * reading))
     return found
 
 

@@ -107,7 +107,7 @@ def radiation_left_out(model: Model, run: MeasuredMotion) -> Feature:
     hydro, count, dt = model.hydro, run.time.size, run.dt
     force, response = np.zeros_like(run.x), np.zeros((run.omega_fine.size, model.n, model.n), dtype=complex)
     if hydro is None or run.record.kind == "static":
-        return Feature(force, force, response, response)
+        return Feature(force, force, response, response, force)
     K = frequency_response(model.fit.a, model.fit.b, model.fit.c, np.asarray(hydro.omega))
     known = np.r_[0.0, hydro.omega[hydro.omega > 0.0]]
     values = np.concatenate([np.zeros((1, model.n, model.n)), (hydro.B - K.real)[hydro.omega > 0.0]])
@@ -121,7 +121,7 @@ def radiation_left_out(model: Model, run: MeasuredMotion) -> Feature:
     if not run.prescribed:
         turned = np.exp(-1j * np.outer(run.omega_fine, run.time - run.time[0]))
         response -= 1j * run.omega_fine[:, None, None] * np.tensordot(turned, kernel, axes=1)
-    return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
+    return Feature(force, np.zeros_like(force), response, np.zeros_like(response), np.zeros_like(force))
 
 
 def left_out(problem: EquationError, posterior: Posterior, clear: float = 3.0) -> bool:
@@ -261,4 +261,4 @@ def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], sca
     by_x, by_v = (np.mean(part) for part in (p * x ** max(p - 1, 0) * v**q, q * x**p * v ** max(q - 1, 0)))
     if not run.prescribed:
         response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
-    return Feature(force, np.zeros_like(force), response, np.zeros_like(response))
+    return Feature(force, np.zeros_like(force), response, np.zeros_like(response), np.zeros_like(force))

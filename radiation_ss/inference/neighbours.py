@@ -85,7 +85,7 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
                  base + log_prior(out, rules, known.present))
             for out in own if out.key in at and out.active.name not in known.present]
     found = [b.alone() for b in less]
-    new = [t for t in known.terms if t.key not in trial.candidate.keys and not t.active.effect.per_record]
+    new = [t for t in known.terms if t.key not in trial.candidate.keys and t.simulated]
     for added in columns(trial, q, now, new):
         some = [new[i] for i in added.score.at]
         for b in [Base(own, theories, base)] * (len(own) < rules.most) + less:

@@ -168,13 +168,15 @@ class Filling:
         problem, run, values = self.problem, self.problem.runs[r], self.values
         reading, gains = np.any(feature.reading), gains_of(feature) * (not run.prescribed)
         memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
+        apart = feature.others - feature.reading
         for place in problem.places:
-            if place.record != r or not (reading or feature.force[place.dof].any()):
+            if place.record != r:
                 continue
             if place.order >= 0:
-                if reading and not feature.alike:
-                    values[place.rows, 0] = -projected_on(run.basis, feature.reading[place.dof], place.order,
-                                                          place.bins).ravel()
+                if np.any(apart):
+                    values[place.rows, 0] = projected_on(run.basis, apart[place.dof], place.order, place.bins).ravel()
+                continue
+            if not (reading or feature.force[place.dof].any()):
                 continue
             gain, force = gains[place.dof], feature.force
             values[place.rows, 0] = projected(problem.model, run, place, force if run.force is None

@@ -54,15 +54,15 @@ def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
 class Trajectories:
     """Simulated readings of all records as a function of standardised unknowns.
 
-    Effects with numbers of each record's own (slow forces) act as the equation error found them. The unknowns are
-    nominal numbers and effects' parameters, then of each record its start, errors of its readings and of its force.
-    `like`: of another set, whose weights and errors of readings and forces are taken: sets are compared with the same
-    ones. `unexplained`: whether forces that no effect explains move the body, too: numbers are those that predict
-    without them. `zero`: prior standard deviation of a sensor's zero, of the motion's. `rough`: derivatives are taken
-    in the longest steps that leave this share of the motion: their error shifts the numbers by about as small a share
-    of their own standard deviations, at a cost that falls with the number of steps. `told`: information on an unknown,
-    in units of its prior, below which a record tells nothing of it. InputError if effects set in so sharply that too
-    many steps are needed.
+    Effects with numbers of each record's own (slow forces) act as the equation error found them, and so do those of
+    second sensors, which are not simulated. The unknowns are nominal numbers and effects' parameters, then of each
+    record its start, errors of its readings and of its force. `like`: of another set, whose weights and errors of
+    readings and forces are taken: sets are compared with the same ones. `unexplained`: whether forces that no effect
+    explains move the body, too: numbers are those that predict without them. `zero`: prior standard deviation of a
+    sensor's zero, of the motion's. `rough`: derivatives are taken in the longest steps that leave this share of the
+    motion: their error shifts the numbers by about as small a share of their own standard deviations, at a cost that
+    falls with the number of steps. `told`: information on an unknown, in units of its prior, below which a record
+    tells nothing of it. InputError if effects set in so sharply that too many steps are needed.
     """
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
@@ -73,7 +73,7 @@ class Trajectories:
         self.tolerance = candidate.posterior.sizes.tolerance
         scale = float(np.exp(self.tolerance))
         own = simulated_numbers(problem.model, tolerance, force=problem.forced)
-        self.kept = [k for k, term in enumerate(candidate.terms) if not term.active.effect.per_record]
+        self.kept = [k for k, term in enumerate(candidate.terms) if term.simulated]
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
         self.actives = (*first.nominal, *effects)
         self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
@@ -123,12 +123,12 @@ class Trajectories:
 
     def _middle(self, candidate: Candidate) -> FloatArray:
         """Return the middle of the prior of each free parameter: of a strength 0, of a shape its start."""
-        starts = [term.start or term.active for term in candidate.terms if not term.active.effect.per_record]
+        starts = [term.start or term.active for term in candidate.terms if term.simulated]
         return np.where(self.strength, 0.0, vector_of((*self.first.nominal, *starts))[self.free])
 
     def _widths(self, candidate: Candidate) -> FloatArray:
         """Return what multiplies the prior standard deviation of each free parameter by the widths of a candidate."""
-        widths = [term.width for term in candidate.terms if not term.active.effect.per_record]
+        widths = [term.width for term in candidate.terms if term.simulated]
         own = len(self.first.nominal)
         sizes = [len(a.effect.parameters) for a in self.actives[own:]]
         return np.where(self.strength, np.r_[np.ones(own), np.repeat(widths, sizes)][self.free], 1.0)

@@ -44,7 +44,8 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
                 off.append((lower, upper, factor))
             continue
         band = band_of(omega, above)
-        if compared(above[band], made[band])[0] < -opposite:
+        against = compared(above[band], made[band])[0]
+        if against < -opposite and not later_rather(record, (lower, upper), high - low, (omega, made, above), against):
             turned.append(f"column {lower} or {upper}: {upper} is minus the rate of change of {lower}; the sign of one "
                           "of them is turned")
     if turned:
@@ -64,22 +65,66 @@ def column_conflicts(record: Record, dof: str, rows: str = "", opposite: float =
 
 
 def column_doubts(record: Record, dof: str, apart: float = 1.4, alike: float = 0.95, lines: int = 8) -> list[str]:
-    """Return a sentence for each column that is another one's derivative but for a factor of `apart` or more.
+    """Return a sentence for each column that is another one's derivative but for time, or a factor of `apart` or more.
 
     Where they correlate by `alike` in the band of the motion, noise makes 5 % of that at most. Of a decay that is over
-    at once the window leaves nothing: the band of what is left has less than so many `lines`.
+    at once the window leaves nothing: the band of what is left has less than so many `lines`; and that goes by the
+    window's edge rather than by time.
     """
-    found, record = [], replace(record, kind="motion-only")  # windowed: the ends of a decay are no motion
+    dying, found = record.kind == "decay", []
+    record = replace(record, kind="motion-only")  # windowed: the ends of a decay are no motion
     for (low, lower), (high, upper) in pairwise(columns_of(record, dof)):
         omega, below = spectrum_of(record, record.channels[lower])
         band, above = band_of(omega, below), spectrum_of(record, record.channels[upper])[1]
-        correlation, times = compared(below[band] * (1j * omega[band]) ** (high - low), above[band])
-        if band.sum() >= lines and correlation > alike and not 1.0 / apart < times < apart:
-            knots = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
-            rate = "rate" if high - low == 1 else "second rate"
-            found.append(f"{upper} is {times:.3g} times the {rate} of change of {lower}{knots}; "
-                         f"{units_text(dof, (lower, upper))}")
+        made = below * (1j * omega) ** (high - low) * band
+        correlation, times = compared(made[band], above[band])
+        if band.sum() < lines:
+            continue
+        rate = f"the {'rate' if high - low == 1 else 'second rate'} of change of {lower}"
+        if correlation <= alike and not dying:
+            lag = lag_between(omega, made, above)
+            correlation, times = correlation_at(record, (lower, upper), high - low, lag)
+            if correlation > alike:
+                found.append(f"{upper} comes {abs(lag):.3g} s {'later' if lag > 0.0 else 'earlier'} than {rate}; one "
+                             "of the two is read late, or their clocks differ")
+        if correlation > alike and not 1.0 / apart < times < apart:
+            unit = " (in knots?)" if (upper, lower) == (f"{dof}_velocity", dof) and 1.85 < times < 2.05 else ""
+            weight = upper == f"{dof}_acceleration" and motion_unit(dof) == "m" and 0.95 < 9.81 * times < 1.05
+            unit = " (in g?)" if weight else unit
+            found.append(f"{upper} is {times:.3g} times {rate}{unit}; {units_text(dof, (lower, upper))}")
     return found
+
+
+def later_rather(record: Record, columns: tuple[str, str], order: int,
+                 spectra: tuple[FloatArray, ComplexArray, ComplexArray], against: float, share: float = 0.25) -> bool:
+    """Return whether time explains two columns that go `against` each other but for a share of what a sign leaves."""
+    omega, made, above = spectra
+    if record.kind == "decay":
+        return False
+    lag = lag_between(omega, made * band_of(omega, above), above)
+    return 1.0 - correlation_at(record, columns, order, lag)[0] < share * (1.0 + against)
+
+
+def lag_between(omega: FloatArray, one: ComplexArray, other: ComplexArray, near: float = 0.01) -> float:
+    """Return by how much another signal of the same record comes later [s], by the largest correlation.
+
+    Of regular motions many are as large, but for the share `near`: it is the shortest lag.
+    """
+    size, part = 2 * (omega.size - 1), 8  # lags in each sample
+    alike = np.fft.irfft(np.conj(one) * other, part * size)
+    lags = 2.0 * np.pi / omega[1] * np.fft.fftfreq(alike.size)
+    peaks = (alike >= np.roll(alike, 1)) & (alike >= np.roll(alike, -1)) & (alike >= (1.0 - near) * alike.max())
+    return float(lags[peaks][np.argmin(np.abs(lags[peaks]))])
+
+
+def correlation_at(record: Record, columns: tuple[str, str], order: int, lag: float) -> tuple[float, float]:
+    """Return `compared` of a column's derivative of some order and of another column that comes later by `lag` [s]."""
+    first, last = record.time[0] + max(-lag, 0.0), record.time[-1] - max(lag, 0.0)
+    part = record.window(first, last)
+    later = np.interp(part.time + lag, record.time, whole(record.time, record.channels[columns[1]]))
+    omega, below = spectrum_of(part, part.channels[columns[0]])
+    band = band_of(omega, below)
+    return compared(below[band] * (1j * omega[band]) ** order, spectrum_of(part, later)[1][band])
 
 
 def units_text(dof: str, columns: Sequence[str]) -> str:

@@ -199,10 +199,14 @@ def ledger(found: Diagnosis) -> Figure:
 
 
 def described(effect: Named) -> str:
-    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)"."""
+    """Return an effect with its place and numbers: "quadratic_drag on Heave (coefficient 31 +- 2 N/(m/s)^2)".
+
+    One of second sensors alone has their channels for a place.
+    """
     numbers = ", ".join(f"{name} {with_error(value, std, effect.units.get(name, ''))}"
-                        for name, (value, std) in effect.parameters.items())
-    where = f" on {effect.dof}" if effect.dof else ""
+                        for name, (value, std) in effect.parameters.items()
+                        if name != "all_sensors" or not effect.channels)
+    where = f" on {' and '.join(effect.channels) or effect.dof}" if effect.dof else ""
     return f"{effect.name}{where}" + (f" ({numbers})" if numbers else "")
 
 
@@ -228,6 +232,16 @@ def within_tolerance(found: Diagnosis) -> str:
 
 
 def sentence(found: Diagnosis) -> str:
+    """Return the verdict in one sentence, after what columns may be instead where that explains more of the gap."""
+    told = verdict(found)
+    if not found.misreadings:
+        return told
+    first, *more = found.misreadings
+    beside = f" (and {len(more)} more in the notes)" if more else ""
+    return f"First check {first}{beside}. As the columns are read: {told}"
+
+
+def verdict(found: Diagnosis) -> str:
     """Return the verdict in one sentence, with what the recalibration exceeds."""
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)

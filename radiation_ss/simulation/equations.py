@@ -246,7 +246,8 @@ def state_equations(model: Model, effects: Iterable[Any] = ()) -> ca.Function:
     rate = ca.vertcat(ca.mtimes(ca.DM(model.fit.a), s[:m]) + ca.mtimes(ca.DM(model.fit.b), v), v, a, own)
     x, y = dict(zip(model.dofs, ca.vertsplit(s[m:m + n]))), []
     for dof, value in x.items():
-        sensors = [(active, values) for active, values in equations.of(p) if active.dof in (dof, "")]
+        sensors = [(active, values) for active, values in equations.of(p)
+                   if active.dof in (dof, "") and active.of_first_sensor]
         y.append(sensed(sensors, value, (x[active.other] for active, _ in sensors if active.other), t))
     found = [ca.densify(rate), ca.densify(ca.vertcat(*y, v, a))]
     return ca.Function("state_equations", [t, s, u], found, {"cse": True})

@@ -190,7 +190,7 @@ class SensorChain:
         p = ca.SX.sym("p", rollout.np)
         touching = [(a, values) for a, (_, values) in zip(rollout.actives, rollout.equations.of(p)) if a.effect.sensor
                     and a.dof in (dofs[channel.dof], "")
-                    and (channel.quantity == "displacement" or a.of_every_sensor)]
+                    and (a.of_first_sensor if channel.quantity == "displacement" else a.of_other_sensors)]
         self.dofs = [channel.dof] + [dofs.index(a.other) for a, _ in touching if a.other]
         self.late = any(a.effect.clock_out for a, _ in touching)
         t, y = ca.SX.sym("t"), ca.SX.sym("y", len(self.dofs))

@@ -79,7 +79,7 @@ def fitted_start(rollout: Rollout, prepared: Prepared, drive: FloatArray, p: Flo
     from the true one the slopes of friction say nothing. It ends where a step gains less than the share `accuracy`.
     """
     basis = np.hstack([start_of(rollout.model, prepared, rollout.ns), *unrest_of(rollout, prepared).values()])
-    head = head_of(rollout, prepared)
+    head = head_of(rollout, prepared, p)
     given = rollout, head, drive[:head.grid.size], p, basis
 
     def cost(q: FloatArray) -> float:
@@ -130,14 +130,19 @@ def missed(rollout: Rollout, head: Prepared, drive: FloatArray, p: FloatArray, b
     return np.concatenate(values), np.concatenate(rows)
 
 
-def head_of(rollout: Rollout, prepared: Prepared, periods: float = 1.5) -> Prepared:
-    """Return the first natural periods of a prepared record."""
+def head_of(rollout: Rollout, prepared: Prepared, p: FloatArray, periods: float = 1.5) -> Prepared:
+    """Return the first natural periods of a prepared record, by its sensors' clocks.
+
+    What a late sensor reads first was before the start, where a body that is under way is not simulated.
+    """
     model, grid = rollout.model, prepared.grid
     slowest = min(natural_frequency(model, i) if model.C[i, i] > 0.0 else motion_size(model, prepared, i)[1]
                   for i in range(model.n))
     end = grid[0] + periods * 2.0 * np.pi / slowest
     nodes = max(3, min(int(np.ceil((end - grid[0]) / rollout.h)) + 2, grid.size))
-    channels = tuple(c.window(-np.inf, end) for c in prepared.channels if (c.time <= end).any())
+    clocks = [(c, rollout.chain(c).clock(c.time, p)) for c in prepared.channels]
+    seen = [(c, (at <= end) & ((at >= grid[0]) | (not c.under_way))) for c, at in clocks]
+    channels = tuple(replace(c, time=c.time[there], value=c.value[there]) for c, there in seen if there.any())
     return replace(prepared, grid=grid[:nodes], channels=channels)
 
 

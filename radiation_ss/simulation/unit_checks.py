@@ -110,6 +110,17 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
+def misreadings(model: Model, record: Record) -> tuple[str, ...]:
+    """Return a sentence for what the columns of a record may be instead: another reading fits the model far better, or
+    two sensors of one motion contradict each other.
+    """
+    if record.kind == "static":
+        return ()
+    found = misread(model, record)
+    said = [found[1]] if found else [text for dof in model.dofs for text in signals.column_doubts(record, dof)]
+    return tuple(f"record {record.name}, {text}" for text in said)
+
+
 def slow_by_nature(record: Record) -> bool:
     """Whether the rig, not the sea or the body, chooses how fast the motion is."""
     return record.kind in ("forced", "prescribed", "static") or record.speed != 0.0
