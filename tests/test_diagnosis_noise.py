@@ -156,6 +156,20 @@ def test_end_stops_are_found_beside_a_slow_force(share, loss):
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stop_is_as_stiff_as_it_is(seed):
+    """Sharp stops ten times as stiff as the body's restoring, hit in most strokes."""
+    gap = 0.5 * float(np.abs(driven(heave(), np.random.default_rng(seed))[2](np.linspace(0.0, 40.0, 900))).max())
+    time, force, moved = driven(heave(), np.random.default_rng(seed), periods=25, force=lambda t, x, v: 80.0 * (
+        max(x - gap, 0.0) - max(-x - gap, 0.0)))
+    even = time[::8]
+    read = moved(even) + 0.01 * np.std(moved(even)) * np.random.default_rng(seed).normal(size=even.size)
+    record = rss.Record(even, {"Heave": read, "Heave_force": force(even)}, kind="forced")
+    (row,) = (row for row in rss.diagnose(heave(), record, effects=["end_stop"]).budget.rows if row.cause == "end_stop")
+    value, std = row.parameters["stiffness"]
+    assert abs(value - 80.0) < 3.0 * std < 8.0
+
+
 def test_the_prior_of_a_strong_force_does_not_pull_its_number():
     """A drag that takes nearly all of the exciting force, in short and noisy records: its errors have mean zero."""
     off, true = [], 1000.0

@@ -10,7 +10,7 @@ from radiation_ss.effects.definition import Effect, Parameter, Scales
 
 P = Parameter
 SIDES = P("1", 0, starts=lambda s: (1.0, -1.0), fixed=True)
-NEAR = P("X", 1, starts=lambda s: (0.05 * s.x,), fixed=True)  # a smoothing width
+NEAR = P("X", 1, starts=lambda s: (0.0125 * s.x,), fixed=True)  # a smoothing width: what is wider shows as a stiffness
 
 
 def power_of_size(value: Any, exponent: Any) -> Any:
