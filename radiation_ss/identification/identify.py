@@ -153,8 +153,11 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     check_units(model, runs)
     check_decays(model, runs)
     grid, studies = _frequencies(model, omega), []
+    # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
+    forced = sum(record.kind != "decay" for record in runs) > len(waves)
+    beyond = prior * rules.beyond if method == "prediction-error" and forced else 0.0
     for smooth in (True, False) if method == "prediction-error" else (True,):
-        form = _form(model, method, prior, rules, bool(waves), smooth)
+        form = _form(model, method, (prior, beyond), rules, bool(waves), smooth)
         known = None if points is None else known_points(model, points, form, rules.point_tolerance)
         studies.append(Study(model, form, runs, known, points, seed, generator(seed), rules))
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
@@ -237,11 +240,13 @@ def by_waves(model: Model, record: Record, method: str) -> bool:
     return unknown and method == "prediction-error" and "wave_elevation" in record.channels
 
 
-def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool, smooth: bool) -> Parametrisation:
+def _form(model: Model, method: str, sizes_of_K: tuple[float, float], rules: Settings, waves: bool,
+          smooth: bool) -> Parametrisation:
     """Return the parameters that a method moves, with their prior; `waves`: whether X gives the force of a record.
 
-    `smooth`: whether the damping's error is.
+    `sizes_of_K`: `prior` and `beyond` of `parametrise`. `smooth`: whether the damping's error is.
     """
+    prior, beyond = sizes_of_K
     if method == "dual-enkf":
         return entrywise(model, prior)
     sizes, known_forces = rules.tolerances, method == "prediction-error"
@@ -249,7 +254,6 @@ def _form(model: Model, method: str, prior: float, rules: Settings, waves: bool,
     # The motion of one degree of freedom in an unknown sea does not see as little as the tolerance is.
     if rest <= sizes["kernel"] and model.n == 1 and not known_forces:
         rest = 0.0
-    beyond = prior * rules.beyond if known_forces else 0.0    # motion in an unknown sea does not see that either
     form = with_table(parametrise(model.fit, model.A_inf, prior, rest, smooth, beyond), model)
     if method == "points":
         return form

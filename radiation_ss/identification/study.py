@@ -29,7 +29,7 @@ class Settings:
     # larger; "sensor" (gain of the motion sensors): 0.005. "sensor" enters where the force is known, "force" and
     # "kernel" there and with several degrees of freedom.
     tolerance: float | Mapping[str, float] | None = None
-    beyond: float = 0.3  # Error of K that no coefficients of the order make, over `prior`, where the force is known
+    beyond: float = 0.3  # Error of K that no coefficients of the order make, over `prior`, where a force is measured
     point_tolerance: float = 1e-3  # Relative standard deviation of K at the points
     draws: int = 1000  # Number of draws kept of the posterior
     hopeless: float = 6.0  # Log odds below the best at which a sea of motion alone, or a mode of it, is left out
