@@ -154,8 +154,10 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     notes = [text for record in records for text in (
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
-        found, said = {"prescribed": measured_driven, "static": lambda _, given: (given, ())}.get(
-            record.kind, measured_freely)(model, record)
+        found, said = record, tuple[str, ...]()
+        if record.kind != "static":
+            clean = measured_driven if record.kind == "prescribed" else measured_freely
+            found, said = clean(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
         parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
         still = [part for part in parts if not moves(model, part)]

@@ -157,7 +157,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     forced = sum(record.kind != "decay" for record in runs) > len(waves)
     beyond = prior * rules.beyond if method == "prediction-error" and forced else 0.0
     for smooth in (True, False) if method == "prediction-error" else (True,):
-        form = _form(model, method, (prior, beyond), rules, bool(waves), smooth)
+        form = _form(model, method, prior, beyond, rules, bool(waves), smooth)
         known = None if points is None else known_points(model, points, form, rules.point_tolerance)
         studies.append(Study(model, form, runs, known, points, seed, generator(seed), rules))
     said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
@@ -240,13 +240,12 @@ def by_waves(model: Model, record: Record, method: str) -> bool:
     return unknown and method == "prediction-error" and "wave_elevation" in record.channels
 
 
-def _form(model: Model, method: str, sizes_of_K: tuple[float, float], rules: Settings, waves: bool,
+def _form(model: Model, method: str, prior: float, beyond: float, rules: Settings, waves: bool,
           smooth: bool) -> Parametrisation:
     """Return the parameters that a method moves, with their prior; `waves`: whether X gives the force of a record.
 
-    `sizes_of_K`: `prior` and `beyond` of `parametrise`. `smooth`: whether the damping's error is.
+    `prior`, `beyond`, `smooth`: as in `parametrise`.
     """
-    prior, beyond = sizes_of_K
     if method == "dual-enkf":
         return entrywise(model, prior)
     sizes, known_forces = rules.tolerances, method == "prediction-error"
