@@ -17,6 +17,7 @@ from radiation_ss.hydro.data import motion_unit
 from radiation_ss.inference.effect_features import Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, Resolution, measured_motion
 from radiation_ss.records.columns import QUANTITIES
+from radiation_ss.records.faults import drives
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.run import simulate
 from radiation_ss.waves.realise import realise
@@ -138,7 +139,7 @@ def scaled(model: Model, name: str, description: str, record: Record, amplitude:
     sizes = np.abs(outputs[: model.n]).max(axis=1) if peak == 1.0 else peak * outputs[: model.n].std(axis=1)
     if scale is None:
         scale = 1.0 / max(float(size) / amplitude[dof] for size, dof in zip(sizes, model.dofs))
-    given = {k: v for k, v in record.channels.items() if k.endswith("_force") or k == "wave_elevation"}
+    given = {k: v for k, v in record.channels.items() if drives(k)}
     return [planned(model, record.time, share * scale * outputs, record.kind, f"{name}, {word}",
                     f"{description}, {'full' if share == 1.0 else 'a fifth of the'} amplitude", share,
                     {k: share * scale * v for k, v in given.items()})

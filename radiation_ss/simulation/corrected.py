@@ -32,6 +32,7 @@ from radiation_ss.hydro.data import HydroData
 from radiation_ss.methods import Brief
 from radiation_ss.reading import listed, named_numbers, number, read_json, text
 from radiation_ss.records.columns import RATES
+from radiation_ss.records.faults import drives
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.driven import prescribed_force
 from radiation_ss.simulation.equations import MotionEquations, nonlinear_system, signals_of
@@ -364,6 +365,5 @@ def predict_record(model: Model, record: Record, corrected: str | Path | None = 
         names = (dof + suffix for suffix in RATES for dof in model.dofs)
         channels = {name: row for name, row in zip(names, simulate(model, record, actives).outputs)
                     if name in model.dofs or name in record.channels}
-        channels |= {name: values for name, values in record.channels.items()
-                     if name.endswith("_force") or name == "wave_elevation"}
+        channels |= {name: values for name, values in record.channels.items() if drives(name)}
     return replace(record, channels=channels, meta={**record.meta, "source": "predicted"})
