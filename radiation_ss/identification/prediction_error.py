@@ -56,6 +56,7 @@ def attribute(study: Study, parts: list[MotionLikelihood],
             parts, start = followed(study, parts, target, peak.phi, name)
             target = study.target(parts)
             peak = find_peak(target, start)
+            start = peak.phi
 
 
 def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionLikelihood], FloatArray, list[str]]:
@@ -89,9 +90,16 @@ def weighed_dampers(study: Study, parts: list[MotionLikelihood],
     return damped, [reached, without(peak, columns)], names
 
 
-def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: Peak) -> list[Peak]:
-    """Return the mode without the linear damping of a mode; none if that has none, or it is not reached."""
+def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: Peak,
+             least: float = 1e-12) -> list[Peak]:
+    """Return the mode without the linear damping of a mode; none if that has none, or it is not reached.
+
+    Nor is one looked for whose probability is less than `least` by the normal distribution about the mode.
+    """
     columns = [at for law, at in placed(target, parts) if taken_apart(law.name)[0] in LINEAR]
+    there = np.linalg.inv(peak.fisher)[np.ix_(columns, columns)]
+    if columns and chi2.sf(peak.phi[columns] @ np.linalg.solve(there, peak.phi[columns]), len(columns)) < least:
+        return []
     bare = [replace(part, laws=tuple(law for law in part.laws if taken_apart(law.name)[0] not in LINEAR))
             for part in parts]
     reached = climbed(study.target(bare), np.delete(peak.phi, columns)) if columns else None
