@@ -218,6 +218,37 @@ def test_a_slow_force_of_unknown_course_is_told_with_its_size(seed, later):
     assert without.status == "unknown_effect"
 
 
+def adrift(rng, name, released=0.0):
+    """A moored body in waves far above its natural frequency, or let go, that a slow force moves most, by SciPy.
+
+    Its mooring is 1 % stiffer than the model's C of 8.
+    """
+    w, hours = np.sqrt(8.0 / 3.0), 14 if released else 60
+    time = np.arange(0.0, hours * 2 * np.pi / w, 2 * np.pi / w / 30)
+    (fast, slow), sizes = ((w * rng.uniform(2.5, 4.0, 40), w / rng.uniform(5.0, 16.0, 12)), 0.6 * rng.normal(size=40))
+    waves, push = (CubicSpline(time, np.cos(np.outer(time, at) + rng.uniform(0.0, 6.28, at.size)) @ size)
+                   for at, size in ((fast, sizes * (released == 0.0)), (slow, np.full(12, 0.26 if released else 0.65))))
+
+    def rate(t, s):
+        return s[1], (float(waves(t) + push(t)) - 0.06 * np.sqrt(24.0) * s[1] - 8.08 * s[0]) / 3.0
+
+    moved = odeint(rate, [released, 0.0], time, tfirst=True, rtol=1e-9, atol=1e-10, hmax=0.1)[:, 0]
+    channels = {"Surge": moved + 0.005 * np.std(moved) * rng.normal(size=time.size)}
+    return rss.Record(time, channels if released else {**channels, "Surge_force": waves(time)},
+                      kind="decay" if released else "waves", name=name)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_that_is_mostly_a_drift_leaves_the_stiffness_where_it_is(seed):
+    """Of a slow force that nobody measured less stiffness would make less."""
+    rng, model = np.random.default_rng(seed), rss.body(dof="Surge", mass=2.0, added_mass=1.0, C=8.0, damping_ratio=0.03)
+    records = [adrift(rng, "first", 1.0), adrift(rng, "second", 1.2), adrift(rng, "seen")]
+    found = rss.diagnose(model, records, withhold=adrift(rng, "unseen"))
+    assert found.verdict.indistinguishable == (("slow_drift",),)
+    stiffness, = (number for number in found.recalibrated if number.name == "stiffness")
+    assert abs(stiffness.value - 0.01) < 3.0 * stiffness.std < 0.1
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_a_slow_force_that_comes_once_is_not_named(seed):
     """A ship that passes: pressure, then suction, over two and a half periods of each record."""

@@ -16,14 +16,13 @@ from radiation_ss.effects import effect_named
 from radiation_ss.effects.definition import slab
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.inference.candidates import Candidate
-from radiation_ss.inference.force_errors import spectra
+from radiation_ss.inference.force_errors import typical_frequency
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise, projected
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import middle
 from radiation_ss.simulation.headings import computed
 
 
@@ -50,10 +49,8 @@ def slow_below(problem: EquationError, run: MeasuredMotion, i: int) -> float:
     It is slow against the free motion, too: at a resonance the model's own errors look like forces. A motion that is
     mostly drift has the frequency of the force that is known.
     """
-    known, own = problem.scales[problem.model.dofs[i]], float(run.omega[i])
-    if run.force is not None and np.any(run.force[i]):
-        own = max(own, middle(*spectra(run, run.force[i])))
-    scales = replace(known, omega=min(own, known.natural or np.inf))
+    known = problem.scales[problem.model.dofs[i]]
+    scales = replace(known, omega=min(typical_frequency(problem.model, run, i), known.natural or np.inf))
     return slab(effect_named(DRIFT), "frequency", scales).upper
 
 

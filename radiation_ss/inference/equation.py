@@ -55,7 +55,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         at = speeds.index(abs(runs[place.record].record.speed)) if place.order < 0 else len(speeds) - 1
         group[place.rows] += n * BANDS * at
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    spectra = spectral_groups(places, runs, group, n * BANDS * len(speeds) + n)
+    spectra = spectral_groups(model, runs, places, group, n * BANDS * len(speeds) + n)
     by_band = np.tile(np.repeat(gap, BANDS), len(speeds))
     share = np.concatenate([discrepancy.unexplained * by_band, np.full(n, discrepancy.sensors),
                             np.full(spectra, discrepancy.spectrum)])

@@ -7,6 +7,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.inference.motion import MeasuredMotion
+from radiation_ss.records.signals import middle
 from radiation_ss.simulation.headings import computed, force_of_waves
 from radiation_ss.waves.force import on_all
 
@@ -61,6 +62,16 @@ def wave_of(model: Model, run: MeasuredMotion, i: int, least: float = 1e-2) -> C
     scale = np.maximum(np.abs(X).max(axis=1, keepdims=True), 1e-300)
     X, forces = X / scale, np.where(np.any(forces, axis=1, keepdims=True), forces / scale, 0.0)
     return np.asarray(np.sum(X.conj() * forces, axis=0) / (np.sum(np.abs(X) ** 2, axis=0) + least**2))
+
+
+def typical_frequency(model: Model, run: MeasuredMotion, i: int) -> float:
+    """Return the typical frequency of a motion [rad/s]; of one that is mostly a drift, slower than its natural
+    frequency and the force that is known, the lower of these.
+    """
+    own, natural = float(run.omega[i]), natural_frequency(model, i) if model.C[i, i] > 0.0 else np.inf
+    if run.force is None or not np.any(run.force[i]):
+        return own
+    return max(own, min(middle(*spectra(run, run.force[i])), natural))
 
 
 def spectra(run: MeasuredMotion, values: FloatArray) -> tuple[FloatArray, ComplexArray]:
