@@ -24,10 +24,11 @@ from radiation_ss.identification.laws import (
 )
 from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious, with_body_held
-from radiation_ss.inference.laplace import Peak, Target, find_peak, sample
+from radiation_ss.inference.laplace import Climb, Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
 from radiation_ss.records.record import Record
 
+NEAR = Climb(steps=6, rough=True)  # towards a mode that is sought anew, of laws along the motion that it gives
 TAKEN_OUT = "it is taken out of A and B as far as the records tell it from them"
 
 
@@ -52,10 +53,10 @@ def attribute(study: Study, parts: list[MotionLikelihood],
         if name is None or len(laws) >= study.rules.most_laws or left[name]["p"] >= chance / len(left):
             return parts, target, peak, tests, laws
         laws.append(name)
-        for _ in range(2):      # with the law the filtered motion is another, and the law along it
+        for rules in (NEAR, None):      # with the law the filtered motion is another, and the law along it
             parts, start = followed(study, parts, target, peak.phi, name)
             target = study.target(parts)
-            peak = find_peak(target, start)
+            peak = find_peak(target, start, rules)
             start = peak.phi
 
 
@@ -66,7 +67,10 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
     alike, or nowhere. It is there where numbers of the model are moved farther than is believed and it fits better.
     """
     target = study.target(parts)
-    plain, start = climbed(target, np.zeros(target.size)), np.zeros(target.size)
+    start, u = np.zeros(target.size), np.zeros(study.n_u)
+    for part, at in zip(parts, target.places[-len(parts):]):
+        start[at] = with_body_held(part, u, start[at], 50).phi
+    plain = climbed(target, start)
     without = parts, start if plain is None else plain.phi, list[str]()
     if plain and np.abs(plain.phi[study.form.active.size:study.n_u]).max(initial=0.0) < study.rules.doubt:
         return without
@@ -131,21 +135,21 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
                      for part, at in zip(damped, target.places[-len(damped):])]
         start = np.concatenate([u, *nuisances])
     names = [name for name in names if any(law.name == name for part in damped for law in part.laws)]
-    reached = climbed(target, start) if names else None
+    reached = climbed(target, start, NEAR) if names else None
     for name in names:
         if reached is not None:
             damped, start = followed(study, damped, target, reached.phi, name)
-            reached = climbed(study.target(damped), start)
+            reached = climbed(study.target(damped), start, NEAR if name != names[-1] else None)
     lacking = reached is not None and all(
         strength(name, placed(study.target(damped), damped), reached.phi[None])[0] > least_of(study, name)
         for name in names)
     return damped, reached if lacking else None, names
 
 
-def climbed(target: Target, start: FloatArray) -> Peak | None:
+def climbed(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak | None:
     """Return the mode above a start; None if none is reached."""
     try:
-        return find_peak(target, start)
+        return find_peak(target, start, rules)
     except SolverError:
         return None
 
