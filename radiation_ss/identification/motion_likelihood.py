@@ -10,12 +10,16 @@ from scipy.linalg import solve_continuous_lyapunov
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model, equation_of_motion
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.fit.rational import connected
 from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.records.signals import middle
 from radiation_ss.simulation.start import coupled
+
+AT_REST = np.array([[1.0, 1.0], [1.0, 2.0]])  # covariance of two first-order filters in series, the second's variance 1
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,7 @@ class NoiseRules:
     level: float = 0.01
     spread: float = 1.5
     least: float = 1e-5  # Of any channel: simulated records without noise would have a likelihood without bounds
+    slow: float = 0.25  # Corner frequency of a slow force that nobody measured, relative to the motion's or the wave's
     drift: float = 0.02  # Corner frequency of the sensors' slow drift, relative to the motion's
     settled: float = 1e-5  # Relative change of the prediction errors' variance below which the Kalman gain is frozen
     # Noise of a force that is known to be zero, relative to the force that the motion would take
@@ -52,7 +57,8 @@ class MotionLikelihood:
     """log p(motion | theta, noise) of one record by a Kalman filter on the sampled composite model (9)-(13).
 
     Nuisance parameters v: log noise of each channel and of each force; where between a straight line and a smooth curve
-    the force ran; the strength of each law; of a force from the elevation the error of X.
+    the force ran; log size of a slow force on each motion (white noise through two first-order filters); the strength
+    of each law; of a force from the elevation the error of X.
     """
 
     model: Model
@@ -66,7 +72,7 @@ class MotionLikelihood:
     @property
     def first_law(self) -> int:
         """Where the strength of the first law stands in v."""
-        return self.channels.count + 2 * self.model.n
+        return self.channels.count + 3 * self.model.n
 
     @property
     def size(self) -> int:
@@ -108,6 +114,16 @@ class MotionLikelihood:
         return np.maximum(self.force.std(axis=0), 0.1 * self._stiffness * self._reach[0])
 
     @cached_property
+    def _slow(self) -> FloatArray:
+        """Corner frequencies of slow forces, (n,): below the free motion's, and the force's that drives it."""
+        found, own, dt = np.empty(self.model.n), self.channels.frequency, self.channels.dt
+        for i, force in enumerate(self.force.T):
+            free = natural_frequency(self.model, i) if self.model.C[i, i] > 0.0 else np.inf
+            omega = 2.0 * np.pi * np.fft.rfftfreq(force.size, dt)
+            found[i] = min(max(own, middle(np.asarray(omega, dtype=np.float64), np.fft.rfft(force))), free)
+        return self.rules.slow * found
+
+    @cached_property
     def _curvature(self) -> FloatArray:
         """dt^2/12 f'', the difference between a smooth force and its straight-line interpolation."""
         padded = np.vstack([self.force[:1], self.force, self.force[-1:]])
@@ -115,15 +131,15 @@ class MotionLikelihood:
 
     @cached_property
     def _initial(self) -> FloatArray:
-        """Wide initial covariance of [radiation states; displacement; velocity; sensor drifts]."""
+        """Wide initial covariance of [radiation states; displacement; velocity; slow forces; sensor drifts]."""
         n, reach, frequency = self.model.n, self._reach[1], self.channels.frequency
         velocity = reach * frequency
         realised = self.form.realise(self.form.mean)
         source = realised.b @ np.diag(velocity**2 * 2.0 / frequency) @ realised.b.T
         m, p = realised.states, self.channels.count
-        P = np.diag(np.r_[np.zeros(m), reach**2, velocity**2, np.full(p, 0.25)])
+        P = np.diag(np.r_[np.zeros(m), reach**2, velocity**2, np.zeros(2 * n), np.full(p, 0.25)])
         P[:m, :m] = solve_continuous_lyapunov(realised.a, -source)
-        assert P.shape[0] == m + 2 * n + p
+        P[m + 2 * n:m + 4 * n, m + 2 * n:m + 4 * n] = np.kron(np.eye(n), AT_REST)
         return P
 
     def matrices(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -144,20 +160,28 @@ class MotionLikelihood:
         """Return innovations and their variances, in units of each channel's rms."""
         c, p, n = self.channels, self.channels.count, self.model.n
         F, G = self.matrices(u)
-        N = F.shape[0]
-        Ad, held, late = hold_matrices(F, G, c.dt)      # exact for a force that is straight between samples
-        noise, force_noise = self.rules.of(v[:p]), self.force_scale * self.rules.of(v[p:p + n])
+        N, M = F.shape[0], F.shape[0] + 2 * n
+        noise, force_noise, slow = (size * self.rules.of(v[at:at + size.size]) for size, at in (
+            (np.ones(p), 0), (self.force_scale, p), (self.force_scale, p + 2 * n)))
+        first = N + 2 * np.arange(n)                    # of two filters in series each, the second's state is the force
+        whole, acting = np.zeros((M, M)), np.vstack([G, np.zeros((2 * n, n))])
+        whole[:N, :N], whole[:N, first] = F, G * slow
+        whole[N:, N:] = np.kron(np.diag(self._slow), [[-1.0, 1.0], [0.0, -1.0]])
+        Ad, held, late = hold_matrices(whole, acting, c.dt)     # exact for a force that is straight between samples
         sampled = self.forces(u, v)
         force = sampled - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
-        drive = np.zeros((force.shape[0], N + p))
-        drive[:-1, :N] = force[:-1] @ (held - late).T + force[1:] @ late.T
+        drive = np.zeros((force.shape[0], M + p))
+        drive[:-1, :M] = force[:-1] @ (held - late).T + force[1:] @ late.T
         H, direct = self.outputs(F, G, self.form.gain("sensor", u))
+        seen = np.zeros((p, 2 * n))
+        seen[:, first - N] = direct * slow
         R = noise**2 + np.sum((direct * force_noise) ** 2, axis=1)
-        process = held * force_noise
-        full, Q = np.eye(N + p), np.zeros((N + p, N + p))
-        full[:N, :N], Q[:N, :N] = Ad, process @ process.T
-        Q[N:, N:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
-        return innovations(full, Q, np.hstack([H, np.eye(p)]), R, self._initial, drive,
+        process, rest = held * force_noise, np.kron(np.eye(n), AT_REST)
+        full, Q = np.eye(M + p), np.zeros((M + p, M + p))
+        full[:M, :M], Q[:M, :M] = Ad, process @ process.T
+        Q[N:M, N:M] += rest - Ad[N:, N:] @ rest @ Ad[N:, N:].T
+        Q[M:, M:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
+        return innovations(full, Q, np.hstack([H, seen, np.eye(p)]), R, self._initial, drive,
                            c.y / c.rms - sampled @ direct.T, self.rules.settled)
 
     def value(self, u: FloatArray, v: FloatArray) -> float:
