@@ -203,9 +203,10 @@ def by_prediction_error(study: Study) -> Findings:
                         for key, body in (("do_nothing", np.zeros(study.n_u)), ("identified", u))}
     bodies = draws[:, :study.n_u]
     told = [law for law in found if tests[law]["p"] < study.rules.nonlinear]
-    # With the prior's standard deviation, the largest of all records.
-    damping = {name: (values, max(law.unit for part in parts for law in part.laws if law.name == name))
-               for name, values in found.items() if taken_apart(name)[0] in LINEAR}
+    # With the prior's standard deviation, the largest of all records. What hardly any draw has is not there.
+    units = {name: max(law.unit for part in parts for law in part.laws if law.name == name) for name in found}
+    damping = {name: (values, units[name]) for name, values in found.items()
+               if taken_apart(name)[0] in LINEAR and np.median(np.abs(values)) > 1e-6 * units[name]}
     return Findings(bodies, {"one_step_error": errors, "nonlinearity_test": tests},
                     (*warnings, *law_warnings(tests, told, TAKEN_OUT)), passive=share,
                     centre=cautious(study, bodies, bands), damping=damping, bands=tuple(bands), evidence=evidence)
@@ -220,12 +221,12 @@ def posterior(study: Study, parts: list[MotionLikelihood],
     if all(part.wave is not None for part in parts):
         parts, peaks, weighed = weighed_dampers(study, parts, peak)
         target = study.target(parts)
-    else:
-        peaks += undamped(study, parts, target, peak)
+    elif bare := undamped(study, parts, target, peak):
+        peaks, weighed = [peak, *bare], [law for law in laws if taken_apart(law)[0] in LINEAR]
     draws, share = sample(target, peaks, study.rng, study.rules.draws, study.rules.least_passive)
     own = placed(target, parts)
     draws = lawful_draws(study, own, draws)
-    found = {law: strength(law, own, draws) for law in (*laws, *weighed)}
+    found = {law: strength(law, own, draws) for law in dict.fromkeys((*laws, *weighed))}
     for law, values in found.items():
         sure = float(values.mean() ** 2 / max(values.var(), 1e-300))
         tested = {} if law in weighed else tests.get(law, {})
