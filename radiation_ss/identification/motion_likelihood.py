@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import hold_matrices
@@ -18,8 +18,6 @@ from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.signals import middle
 from radiation_ss.simulation.start import coupled
-
-AT_REST = np.array([[1.0, 1.0], [1.0, 2.0]])  # covariance of two first-order filters in series, the second's variance 1
 
 
 @dataclass(frozen=True)
@@ -114,14 +112,21 @@ class MotionLikelihood:
         return np.maximum(self.force.std(axis=0), 0.1 * self._stiffness * self._reach[0])
 
     @cached_property
-    def _slow(self) -> FloatArray:
-        """Corner frequencies of slow forces, (n,): below the free motion's, and the force's that drives it."""
-        found, own, dt = np.empty(self.model.n), self.channels.frequency, self.channels.dt
+    def _slow(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What makes a slow force on each motion: two first-order filters in series, the force the state of the second.
+
+        Their matrix, their covariance at rest with forces of one, and their noise in a step, each (2n, 2n). The corner
+        is below the free motion's frequency, and below the force's that drives it where the motion is mostly a drift.
+        """
+        own, dt, corner = self.channels.frequency, self.channels.dt, np.empty(self.model.n)
         for i, force in enumerate(self.force.T):
             free = natural_frequency(self.model, i) if self.model.C[i, i] > 0.0 else np.inf
-            omega = 2.0 * np.pi * np.fft.rfftfreq(force.size, dt)
-            found[i] = min(max(own, middle(np.asarray(omega, dtype=np.float64), np.fft.rfft(force))), free)
-        return self.rules.slow * found
+            omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(force.size, dt), dtype=np.float64)
+            corner[i] = self.rules.slow * min(max(own, middle(omega, np.fft.rfft(force))), free)
+        A, rest = (np.asarray(np.kron(np.diag(each), two), dtype=np.float64) for each, two in (
+            (corner, [[-1.0, 1.0], [0.0, -1.0]]), (np.ones(self.model.n), [[1.0, 1.0], [1.0, 2.0]])))
+        step = expm(A * dt)
+        return A, rest, np.asarray(rest - step @ rest @ step.T)
 
     @cached_property
     def _curvature(self) -> FloatArray:
@@ -139,7 +144,7 @@ class MotionLikelihood:
         m, p = realised.states, self.channels.count
         P = np.diag(np.r_[np.zeros(m), reach**2, velocity**2, np.zeros(2 * n), np.full(p, 0.25)])
         P[:m, :m] = solve_continuous_lyapunov(realised.a, -source)
-        P[m + 2 * n:m + 4 * n, m + 2 * n:m + 4 * n] = np.kron(np.eye(n), AT_REST)
+        P[m + 2 * n:m + 4 * n, m + 2 * n:m + 4 * n] = self._slow[1]
         return P
 
     def matrices(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -163,10 +168,8 @@ class MotionLikelihood:
         N, M = F.shape[0], F.shape[0] + 2 * n
         noise, force_noise, slow = (size * self.rules.of(v[at:at + size.size]) for size, at in (
             (np.ones(p), 0), (self.force_scale, p), (self.force_scale, p + 2 * n)))
-        first = N + 2 * np.arange(n)                    # of two filters in series each, the second's state is the force
-        whole, acting = np.zeros((M, M)), np.vstack([G, np.zeros((2 * n, n))])
-        whole[:N, :N], whole[:N, first] = F, G * slow
-        whole[N:, N:] = np.kron(np.diag(self._slow), [[-1.0, 1.0], [0.0, -1.0]])
+        whole, acting, at = np.zeros((M, M)), np.vstack([G, np.zeros((2 * n, n))]), 2 * np.arange(n)
+        whole[:N, :N], whole[:N, N + at], whole[N:, N:] = F, G * slow, self._slow[0]
         Ad, held, late = hold_matrices(whole, acting, c.dt)     # exact for a force that is straight between samples
         sampled = self.forces(u, v)
         force = sampled - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
@@ -174,12 +177,12 @@ class MotionLikelihood:
         drive[:-1, :M] = force[:-1] @ (held - late).T + force[1:] @ late.T
         H, direct = self.outputs(F, G, self.form.gain("sensor", u))
         seen = np.zeros((p, 2 * n))
-        seen[:, first - N] = direct * slow
+        seen[:, at] = direct * slow
         R = noise**2 + np.sum((direct * force_noise) ** 2, axis=1)
-        process, rest = held * force_noise, np.kron(np.eye(n), AT_REST)
+        process = held * force_noise
         full, Q = np.eye(M + p), np.zeros((M + p, M + p))
         full[:M, :M], Q[:M, :M] = Ad, process @ process.T
-        Q[N:M, N:M] += rest - Ad[N:, N:] @ rest @ Ad[N:, N:].T
+        Q[N:M, N:M] += self._slow[2]
         Q[M:, M:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
         return innovations(full, Q, np.hstack([H, seen, np.eye(p)]), R, self._initial, drive,
                            c.y / c.rms - sampled @ direct.T, self.rules.settled)
