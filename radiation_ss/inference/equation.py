@@ -12,7 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of
-from radiation_ss.inference.force_errors import force_errors, shape_errors
+from radiation_ss.inference.force_errors import force_errors, shape_errors, typical_frequency
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -55,7 +55,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
         at = speeds.index(abs(runs[place.record].record.speed)) if place.order < 0 else len(speeds) - 1
         group[place.rows] += n * BANDS * at
     gap = np.array([relative_gap(places, runs, model, i, error, noise) for i in range(n)])
-    spectra = spectral_groups(model, runs, places, group, n * BANDS * len(speeds) + n)
+    spectra = spectral_groups(places, runs, group, n * BANDS * len(speeds) + n)
     by_band = np.tile(np.repeat(gap, BANDS), len(speeds))
     share = np.concatenate([discrepancy.unexplained * by_band, np.full(n, discrepancy.sensors),
                             np.full(spectra, discrepancy.spectrum)])
@@ -207,6 +207,7 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
         gone = 0.5 * np.clip((run.time - run.time[0]) * run.omega[i], 0.0, 2.0 * np.pi)  # pi at the first period's end
         found += [(f"release {k}", np.cos(0.5 * gone) ** 2 * np.cos(k * gone), discrepancy.release * size, 0)
                   for k in range(4)]
+    found += [(f"slow {k}", values, size, 0) for k, values in enumerate(slow_cosines(problem, run, i), start=1)]
     duration = run.time[-1] - run.time[0]
     count = int(np.clip(duration * run.omega[i] / (2 * np.pi) / 4.0, 1, 8))
     part = discrepancy.wandering * problem.gap[i] / np.sqrt(count)
@@ -218,6 +219,20 @@ def record_columns(problem: EquationError, run: MeasuredMotion, i: int, size: fl
         if run.record.kind != "static":
             found.append((f"wandering damping {k}", shape * run.v[i], part * stiff / run.omega[i], COHERENT))
     return found
+
+
+def slow_cosines(problem: EquationError, run: MeasuredMotion, i: int) -> FloatArray:
+    """Return the course of any slow force on a motion that is mostly a drift in any record, (k, nt); else none.
+
+    Rows of their own sizes would not do: what a strong one leaves in the rows of the waves is not independent there.
+    """
+    free = [r for r in problem.runs if r.force is not None and not r.prescribed and r.free[i]]
+    slow = {id(r): 0.5 * typical_frequency(problem.model, r, i) for r in free}
+    if id(run) not in slow or not any(r.omega[i] < slow[id(r)] for r in free):
+        return np.zeros((0, run.time.size))
+    share = (run.time - run.time[0]) / (run.time[-1] - run.time[0])
+    count = int(slow[id(run)] * (run.time[-1] - run.time[0]) / np.pi)
+    return np.asarray(np.cos(np.pi * np.outer(np.arange(1, count + 1), share)))
 
 
 def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[list[Columns], list[str]]:

@@ -95,7 +95,7 @@ class EquationError:
     def residual(self, more: Sequence[Columns], posterior: Posterior, known: bool = False) -> FloatArray:
         """Return the error that is left in each row beside the base columns and `more`.
 
-        `known`: the part that goes to what nothing is known of, wandering, coherent errors and a release, is left, too.
+        `known`: what nothing is known of, wandering, coherent errors, a release and a slow force, is left, too.
         """
         mean, at = posterior.mean, self.base.count
         loose = [known and label.startswith("x^") for label in self.labels]
@@ -105,7 +105,7 @@ class EquationError:
             at += part.count
         first = 0
         for own in self.rows.own:
-            loose = [known and label.startswith(("wandering", "release")) for label in own.labels]
+            loose = [known and label.startswith(("wandering", "release", "slow")) for label in own.labels]
             own.times(np.where(loose, 0.0, -posterior.own_mean[first:first + own.count]), found)
             first += own.count
         return found

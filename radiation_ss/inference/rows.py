@@ -139,24 +139,14 @@ def tied(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], 
     return found
 
 
-def spectral_groups(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], group: np.ndarray,
-                    first: int) -> int:
-    """Give every frequency of a force that is unknown a size of its own, and of a motion that is mostly a drift in any
-    record every octave of what is slow: with one size for all of it less stiffness would pay, which levels a force's
-    spectrum. Return the number of these sizes.
-    """
-    count, free = 0, [p for p in places if p.order < 0 and not runs[p.record].prescribed]
-    slow = {p: 0.5 * typical_frequency(model, runs[p.record], p.dof) for p in free}
-    drifting = {p.dof for p in free if runs[p.record].omega[p.dof] < slow[p]}
-    for place in free:
-        run, omega = runs[place.record], runs[place.record].basis[0].omega[: place.bins]
-        own = np.arange(place.bins)
-        if run.force is not None:
-            octave = np.floor(np.log2(slow[place] / omega)).astype(int)
-            own = np.where((omega < slow[place]) & (place.dof in drifting), octave, -1)
-        names, which = np.unique(own[own >= 0], return_inverse=True)
-        group[place.rows].reshape(-1, place.bins)[:, own >= 0] = first + count + which
-        count += names.size
+def spectral_groups(places: Sequence[Place], runs: Sequence[MeasuredMotion], group: np.ndarray, first: int) -> int:
+    """Give every frequency of a record whose force is unknown a size of its own; return the number of these sizes."""
+    count = 0
+    for place in places:
+        run = runs[place.record]
+        if run.force is None and place.order < 0:
+            group[place.rows] = first + count + np.tile(np.arange(place.bins), len(run.basis))
+            count += place.bins
     return count
 
 
