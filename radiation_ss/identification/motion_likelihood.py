@@ -115,7 +115,8 @@ class MotionLikelihood:
     def _slow(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What makes a slow force on each motion: two first-order filters in series, the force the state of the second.
 
-        Their matrix, their covariance at rest with forces of one, and their noise in a step, each (2n, 2n). The corner
+        Their matrix, their covariance at rest with forces of one, and their noise in a step, each (2n, 2n), with each
+        force before what drives it. The corner
         is below the free motion's frequency, and below the force's that drives it where the motion is mostly a drift.
         """
         own, dt, corner = self.channels.frequency, self.channels.dt, np.empty(self.model.n)

@@ -67,9 +67,7 @@ def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionL
     alike, or nowhere. It is there where numbers of the model are moved farther than is believed and it fits better.
     """
     target = study.target(parts)
-    start, u = np.zeros(target.size), np.zeros(study.n_u)
-    for part, at in zip(parts, target.places[-len(parts):]):
-        start[at] = with_body_held(part, u, start[at], 50).phi
+    start = from_body(study, parts, target, np.zeros(target.size))
     plain = climbed(target, start)
     without = parts, start if plain is None else plain.phi, list[str]()
     if plain and np.abs(plain.phi[study.form.active.size:study.n_u]).max(initial=0.0) < study.rules.doubt:
@@ -101,12 +99,14 @@ def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: 
     Nor is one looked for whose probability is less than `least` by the normal distribution about the mode.
     """
     columns = [at for law, at in placed(target, parts) if taken_apart(law.name)[0] in LINEAR]
+    if not columns:
+        return []
     there = np.linalg.inv(peak.fisher)[np.ix_(columns, columns)]
-    if columns and chi2.sf(peak.phi[columns] @ np.linalg.solve(there, peak.phi[columns]), len(columns)) < least:
+    if chi2.sf(peak.phi[columns] @ np.linalg.solve(there, peak.phi[columns]), len(columns)) < least:
         return []
     bare = [replace(part, laws=tuple(law for law in part.laws if taken_apart(law.name)[0] not in LINEAR))
             for part in parts]
-    reached = climbed(study.target(bare), np.delete(peak.phi, columns)) if columns else None
+    reached = climbed(study.target(bare), np.delete(peak.phi, columns))
     return [] if reached is None else [without(reached, columns)]
 
 
@@ -124,16 +124,14 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
 
     The mode is None where it is not reached or the model does not lack damping: there some takes damping from it.
     """
-    damped, target, u = parts, study.target(parts), start[:study.n_u]
+    damped, target = parts, study.target(parts)
     have = {law.name for part in parts for law in part.laws}
     names = [name for name in dampers(study.model.dofs) if name not in have]
     for _ in range(2):  # the body moves once the dampers are nearly as strong as they are, along the motion as it was
         for name in names:
             damped, start = followed(study, damped, target, start, name)
             target = study.target(damped)
-        nuisances = [with_body_held(part, u, start[at], 50).phi
-                     for part, at in zip(damped, target.places[-len(damped):])]
-        start = np.concatenate([u, *nuisances])
+        start = from_body(study, damped, target, start)
     names = [name for name in names if any(law.name == name for part in damped for law in part.laws)]
     reached = climbed(target, start, NEAR) if names else None
     for name in names:
@@ -144,6 +142,13 @@ def with_dampers(study: Study, parts: list[MotionLikelihood],
         strength(name, placed(study.target(damped), damped), reached.phi[None])[0] > least_of(study, name)
         for name in names)
     return damped, reached if lacking else None, names
+
+
+def from_body(study: Study, parts: Sequence[MotionLikelihood], target: Target, phi: FloatArray) -> FloatArray:
+    """Return phi with the most probable nuisance parameters for its body."""
+    u = phi[:study.n_u]
+    return np.concatenate([u, *(with_body_held(part, u, phi[at], 50).phi
+                                for part, at in zip(parts, target.places[-len(parts):]))])
 
 
 def climbed(target: Target, start: FloatArray, rules: Climb | None = None) -> Peak | None:

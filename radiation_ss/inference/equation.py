@@ -12,7 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.nominal import couplings_by_symmetry, nominal_effects
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.effect_features import Feature, features_of
-from radiation_ss.inference.force_errors import force_errors, shape_errors, typical_frequency
+from radiation_ss.inference.force_errors import force_errors, shape_errors
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -226,12 +226,9 @@ def slow_cosines(problem: EquationError, run: MeasuredMotion, i: int) -> FloatAr
 
     Rows of their own sizes would not do: what a strong one leaves in the rows of the waves is not independent there.
     """
-    free = [r for r in problem.runs if r.force is not None and not r.prescribed and r.free[i]]
-    slow = {id(r): 0.5 * typical_frequency(problem.model, r, i) for r in free}
-    if id(run) not in slow or not any(r.omega[i] < slow[id(r)] for r in free):
-        return np.zeros((0, run.time.size))
+    top = problem.drifting_below[problem.runs.index(run), i]
     share = (run.time - run.time[0]) / (run.time[-1] - run.time[0])
-    count = int(slow[id(run)] * (run.time[-1] - run.time[0]) / np.pi)
+    count = int(top * (run.time[-1] - run.time[0]) / np.pi)
     return np.asarray(np.cos(np.pi * np.outer(np.arange(1, count + 1), share)))
 
 

@@ -13,6 +13,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active, Scales
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.effect_features import Feature, Symbols
+from radiation_ss.inference.force_errors import typical_frequency
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
@@ -91,6 +92,18 @@ class EquationError:
             inverse[own] = np.linalg.inv(Z[own])
             found.append((Z, inverse))
         return found
+
+    @cached_property
+    def drifting_below(self) -> FloatArray:
+        """Below what a force is slow, of motions that are mostly a drift in any record [rad/s]; else 0, (records, n).
+
+        Of free motions with a known force.
+        """
+        below, own = np.zeros((2, len(self.runs), self.model.n))
+        for r, run in enumerate(self.runs):
+            for i in np.flatnonzero(run.free) if run.force is not None and not run.prescribed else ():
+                below[r, i], own[r, i] = 0.5 * typical_frequency(self.model, run, int(i)), run.omega[i]
+        return np.asarray(below * np.any(own < below, axis=0))
 
     def residual(self, more: Sequence[Columns], posterior: Posterior, known: bool = False) -> FloatArray:
         """Return the error that is left in each row beside the base columns and `more`.
