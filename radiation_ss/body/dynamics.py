@@ -30,15 +30,15 @@ def impedance(model: Model, omega: FloatArray) -> ComplexArray:
 def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
 
-    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978). `a`, `b` (N, N),
-    (N, n_in). `dt`: time step [s].
+    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978). `a`, `b`
+    (..., N, N), (..., N, n_in). `dt`: time step [s].
     """
-    N, n = b.shape
-    block = np.zeros((N + 2 * n, N + 2 * n))
-    block[:N, :N], block[:N, N:N + n] = a * dt, b * dt
-    block[N:N + n, N + n:] = np.eye(n)
-    whole = expm(block)
-    return whole[:N, :N], whole[:N, N:N + n], whole[:N, N + n:]
+    N, n = b.shape[-2:]
+    block = np.zeros((*b.shape[:-2], N + 2 * n, N + 2 * n))
+    block[..., :N, :N], block[..., :N, N:N + n] = a * dt, b * dt
+    block[..., N:N + n, N + n:] = np.eye(n)
+    whole = expm(block)[..., :N, :]
+    return whole[..., :N], whole[..., N:N + n], whole[..., N + n:]
 
 
 def continuous(system: Matrices, dt: float, rows: tuple[Sequence[int], Sequence[int]], name: str,

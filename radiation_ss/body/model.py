@@ -229,13 +229,14 @@ def checked_tolerance(given: float | Mapping[str, float], names: Collection[str]
 
 def equation_of_motion(inertia: FloatArray, damping: FloatArray, stiffness: FloatArray,
                        memory: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return (F, G) of `Model.matrices`; memory (a, b, c) is the realisation of the radiation model."""
+    """Return (F, G) of `Model.matrices`, of several bodies along leading axes; memory (a, b, c) realises radiation."""
     (a, b, c), inverse = memory, np.linalg.inv(inertia)
-    n, m = inverse.shape[0], a.shape[0]
-    F, G = np.zeros((m + 2 * n, m + 2 * n)), np.zeros((m + 2 * n, n))
-    F[:m, :m], F[:m, m + n:], F[m:m + n, m + n:] = a, b, np.eye(n)
-    F[m + n:], G[m + n:] = -inverse @ np.hstack([c, stiffness, damping]), inverse
-    return F, G
+    n, m = inverse.shape[-1], a.shape[-1]
+    F = np.zeros((*inverse.shape[:-2], m + 2 * n, m + 2 * n))
+    F[..., :m, :m], F[..., :m, m + n:], F[..., m:m + n, m + n:] = a, b, np.eye(n)
+    F[..., m + n:, :m], F[..., m + n:, m:m + n] = -inverse @ c, -inverse @ stiffness
+    F[..., m + n:, m + n:] = -inverse @ damping
+    return F, np.concatenate([np.zeros((*inverse.shape[:-2], m + n, n)), inverse], axis=-2)
 
 
 def linear_terms(value: Mapping[str, float] | ArrayLike | None, dofs: Sequence[str], label: str) -> FloatArray:

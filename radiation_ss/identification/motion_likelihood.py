@@ -155,38 +155,41 @@ class MotionLikelihood:
         return equation_of_motion(inertia, model.D, stiffness, form.state_space(form.theta(u)))
 
     def outputs(self, F: FloatArray, G: FloatArray, gain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (H, J) of y = H x + J f in units of each channel's rms, for sensors of this gain (n,)."""
-        c, N, n = self.channels, *G.shape
-        rows = np.stack([np.eye(N)[N - 2 * n:N - n], np.eye(N)[N - n:], F[N - n:]])
-        direct = np.stack([np.zeros((n, n)), np.zeros((n, n)), G[N - n:]])
-        scale = (gain[c.dof] / c.rms)[:, None]
-        return scale * rows[c.derivative, c.dof], scale * direct[c.derivative, c.dof]
+        """Return (H, J) of y = H x + J f in units of each channel's rms, for sensors of this gain (..., n)."""
+        c, (N, n) = self.channels, G.shape[-2:]
+        row = N + (np.minimum(c.derivative, 1) - 2) * n + c.dof     # of an acceleration the velocity's
+        rate, scale = (c.derivative == 2)[:, None], (gain[..., c.dof] / c.rms)[..., None]
+        return scale * np.where(rate, F[..., row, :], np.eye(N)[row]), scale * np.where(rate, G[..., row, :], 0.0)
 
     def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return innovations and their variances, in units of each channel's rms."""
-        c, p, n = self.channels, self.channels.count, self.model.n
-        F, G = self.matrices(u)
-        N, M = F.shape[0], F.shape[0] + 2 * n
-        noise, force_noise, slow = (size * self.rules.of(v[at:at + size.size]) for size, at in (
+        """Return innovations and their variances, in units of each channel's rms, (..., nt, p); u, v (..., d)."""
+        bodies, own = np.atleast_2d(u, v)
+        c, p, n, count = self.channels, self.channels.count, self.model.n, bodies.shape[0]
+        F, G = self.matrices(bodies)
+        N, at = F.shape[-1], 2 * np.arange(n)
+        M = N + 2 * n
+        noise, force_noise, slow = (size * self.rules.of(own[:, first:first + size.size]) for size, first in (
             (np.ones(p), 0), (self.force_scale, p), (self.force_scale, p + 2 * n)))
-        whole, acting, at = np.zeros((M, M)), np.vstack([G, np.zeros((2 * n, n))]), 2 * np.arange(n)
-        whole[:N, :N], whole[:N, N + at], whole[N:, N:] = F, G * slow, self._slow[0]
+        whole, acting = np.zeros((count, M, M)), np.zeros((count, M, n))
+        whole[:, :N, :N], whole[:, :N, N + at], whole[:, N:, N:], acting[:, :N] = F, G * slow[:, None], self._slow[0], G
         Ad, held, late = hold_matrices(whole, acting, c.dt)     # exact for a force that is straight between samples
-        sampled = self.forces(u, v)
-        force = sampled - (0.5 + 0.5 * v[p + n:p + 2 * n]) * self._curvature
-        drive = np.zeros((force.shape[0], M + p))
-        drive[:-1, :M] = force[:-1] @ (held - late).T + force[1:] @ late.T
-        H, direct = self.outputs(F, G, self.form.gain("sensor", u))
-        seen = np.zeros((p, 2 * n))
-        seen[:, at] = direct * slow
-        R = noise**2 + np.sum((direct * force_noise) ** 2, axis=1)
-        process = held * force_noise
-        full, Q = np.eye(M + p), np.zeros((M + p, M + p))
-        full[:M, :M], Q[:M, :M] = Ad, process @ process.T
-        Q[N:M, N:M] += self._slow[2]
-        Q[M:, M:] = np.diag((self.rules.drift * c.frequency * c.dt) ** 2 * noise**2)
-        return innovations(full, Q, np.hstack([H, seen, np.eye(p)]), R, self._initial, drive,
-                           c.y / c.rms - sampled @ direct.T, self.rules.settled)
+        process = held * force_noise[:, None]
+        H, full, Q = np.zeros((count, p, M + p)), np.zeros((count, M + p, M + p)), np.zeros((count, M + p, M + p))
+        H[..., :N], direct = self.outputs(F, G, self.form.gain("sensor", bodies))
+        H[..., N + at], H[..., M:] = direct * slow[:, None], np.eye(p)
+        R = noise**2 + np.sum((direct * force_noise[:, None]) ** 2, axis=-1)
+        full[:, :M, :M], full[:, M:, M:], Q[:, :M, :M] = Ad, np.eye(p), process @ process.swapaxes(1, 2)
+        Q[:, N:M, N:M] += self._slow[2]
+        Q[:, M:, M:] = (self.rules.drift * c.frequency * c.dt) ** 2 * noise[:, None]**2 * np.eye(p)
+        e, s = np.empty((2, count, *c.y.shape))
+        for i in range(count):
+            sampled = self.forces(bodies[i], own[i])
+            force = sampled - (0.5 + 0.5 * own[i, p + n:p + 2 * n]) * self._curvature
+            drive = np.zeros((force.shape[0], M + p))
+            drive[:-1, :M] = force[:-1] @ (held[i] - late[i]).T + force[1:] @ late[i].T
+            e[i], s[i] = innovations(full[i], Q[i], H[i], R[i], self._initial, drive,
+                                     c.y / c.rms - sampled @ direct[i].T, self.rules.settled)
+        return (e, s) if u.ndim > 1 else (e[0], s[0])
 
     def value(self, u: FloatArray, v: FloatArray) -> float:
         """Return the log likelihood."""
@@ -206,12 +209,11 @@ class MotionLikelihood:
         """Return derivatives by [u, v] of innovations over their deviation, and of log variances, each (d, nt p)."""
         both = np.concatenate([u, v])
         weighted, log_changes = np.zeros((2, both.size, e.size))
-        for i in np.flatnonzero(np.r_[self.form.involved & body, np.ones(v.size, bool)]):
-            moved = both.copy()
-            moved[i] += step
-            e1, s1 = self.run(moved[:u.size], moved[u.size:])
-            weighted[i] = ((e1 - e) / step / np.sqrt(s)).ravel()
-            log_changes[i] = ((s1 - s) / step / s).ravel()
+        at = np.flatnonzero(np.r_[self.form.involved & body, np.ones(v.size, bool)])
+        moved = both + step * np.eye(both.size)[at]
+        e1, s1 = self.run(moved[:, :u.size], moved[:, u.size:])
+        weighted[at] = ((e1 - e) / step / np.sqrt(s)).reshape(at.size, -1)
+        log_changes[at] = ((s1 - s) / step / s).reshape(at.size, -1)
         return weighted, log_changes
 
     def filtered(self, u: FloatArray, v: FloatArray) -> FloatArray:

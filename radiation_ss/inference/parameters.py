@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.result import RadiationFit
@@ -241,41 +240,37 @@ class Parametrisation:
                             A_inf=self.A_inf, method=method)
 
     def state_space(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return (a, b, c) of the subsystem of theta, shape (d,)."""
-        n = len(self.dofs)
-        a_parts, b_parts, c_parts = [], [], []
-        for block in self.blocks:
-            a, scale = self._dynamics(theta, block)
-            for k in sorted({k for entry in block.entries for k in entry}):
-                b, c = np.zeros((block.order, n)), np.zeros((n, block.order))
-                b[:, k] = self._input(a, block)
-                for number, entry in enumerate(block.entries):
-                    if k in entry:
-                        j = entry[0] if entry[1] == k else entry[1]
-                        c[j] = theta[block.numerator(number)] * scale
-                a_parts.append(a)
-                b_parts.append(b)
-                c_parts.append(c)
-        return block_diag(*a_parts), np.vstack(b_parts), np.hstack(c_parts)
+        """Return (a, b, c), shapes (..., r, r), (r, n), (..., n, r), of the subsystem of theta, shape (..., d)."""
+        copies = [(block, k) for block in self.blocks for k in sorted({k for entry in block.entries for k in entry})]
+        n, r, lead, end = len(self.dofs), sum(block.order for block, _ in copies), theta.shape[:-1], 0
+        a, b, c = np.zeros((*lead, r, r)), np.zeros((r, n)), np.zeros((*lead, n, r))
+        for block, k in copies:
+            at, end = slice(end, end + block.order), end + block.order
+            a[..., at, at], scale = self._dynamics(theta, block)
+            b[at, k] = self._input(block)
+            for number, entry in enumerate(block.entries):
+                if k in entry:
+                    c[..., entry[0] if entry[1] == k else entry[1], at] = theta[..., block.numerator(number)] * scale
+        return a, b, c
 
     def _dynamics(self, theta: FloatArray, block: ParameterBlock) -> tuple[FloatArray, FloatArray]:
         """Return a block's state matrix, and the factors that turn its numerator into the output row."""
-        a, r = theta[block.denominator], block.order
-        matrix = np.zeros((r, r))
+        a, r, q = theta[..., block.denominator], block.order, 2 * block.quadratic
+        matrix = np.zeros((*a.shape, r))
         if block.form == "polynomial":
             # Scaled by a fixed frequency, so that states of high order keep comparable sizes.
             w0 = self.mean[block.start] ** (1.0 / r)
             powers = w0 ** (np.arange(r) - float(r))
-            matrix[:-1, 1:] = np.eye(r - 1)
-            matrix[-1] = -a * powers
-            return w0 * matrix, powers
-        for i in range(block.quadratic):
-            matrix[2 * i:2 * i + 2, 2 * i:2 * i + 2] = [[0.0, 1.0], [-a[2 * i], -a[2 * i + 1]]]
-        for i in range(2 * block.quadratic, r):
-            matrix[i, i] = -a[i]
+            matrix[..., :-1, 1:] = w0 * np.eye(r - 1)
+            matrix[..., -1, :] = -w0 * a * powers
+            return matrix, powers
+        first, second, single = np.arange(0, q, 2), np.arange(1, q, 2), np.arange(q, r)
+        matrix[..., first, second] = 1.0
+        matrix[..., second, first], matrix[..., second, second] = -a[..., first], -a[..., second]
+        matrix[..., single, single] = -a[..., single]
         return matrix, np.ones(r)
 
-    def _input(self, a: FloatArray, block: ParameterBlock) -> FloatArray:
+    def _input(self, block: ParameterBlock) -> FloatArray:
         """Return a block's input column."""
         column = np.zeros(block.order)
         if block.form == "polynomial":
