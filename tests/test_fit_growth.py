@@ -250,3 +250,16 @@ def test_a_point_between_the_frequencies_is_met_near_the_truth():
 def test_a_coupled_fit_of_order_one_without_damping_at_rest_is_refused():
     with pytest.raises(rss.InputError, match="needs order 2"):
         rss.fit_radiation(array_of(2), 1, at_zero="zero")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_couplings_that_contradict_their_transpose_put_no_damping_on_the_motions(seed):
+    """Both couplings too large, by different amounts: no passive model follows their mean."""
+    clean = data_of(*random_passive(4, 2, seed), omega=np.linspace(0.2, 6.0, 40), dofs=("Sway", "Roll"))
+    B, other = clean.B.copy(), ([0, 1], [1, 0])
+    size = np.sqrt(np.abs(clean.K[:, 0, 0]).max() * np.abs(clean.K[:, 1, 1]).max())
+    B[:, *other] += np.sign(B[:, *other]) * [0.1, 0.5] * size
+    fit = rss.fit_radiation(clean.replace(B=B), 4)
+    K = fit.frequency_response(clean.omega)
+    for i in range(2):
+        assert np.linalg.norm(K[:, i, i] - clean.K[:, i, i]) < 0.03 * np.linalg.norm(clean.K[:, i, i])

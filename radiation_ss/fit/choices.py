@@ -129,13 +129,16 @@ def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
 
 def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.03, tolerated: float = 0.03,
                few: float = 0.2) -> FloatArray:
-    """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what is suspicious.
+    """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what is suspicious or not symmetric.
 
-    A sample of size z has 1 / (1 + (z / `tolerated`)^2), but a spike at most `least`, so that the largest does not rule
-    the fit, and negative damping at least `least`: what is round-off keeps its say in the added mass.
-    Where more than `few` of an entry's samples are suspicious they are no outliers but the data, and count in full.
+    A sample that is off by z has 1 / (1 + (z / `tolerated`)^2), and a coupling is off by half of what it differs from
+    its transpose: damping that a passive model must have to follow it would be put on the motions themselves. But a
+    spike has at most `least`, so that the largest does not rule the fit, and negative damping at least `least`: what is
+    round-off keeps its say in the added mass. Where more than `few` of an entry's samples are suspicious they are no
+    outliers but the data, and count in full.
     """
-    weight = np.ones(data.B.shape)
+    skew = 0.5 * np.abs(data.K - np.swapaxes(data.K, 1, 2)) / np.outer(scales(data), scales(data))
+    weight = 1.0 / (1.0 + (skew / tolerated) ** 2)
     counts = Counter((suspect.force, suspect.velocity) for suspect in suspects)
     for suspect in suspects:
         if counts[suspect.force, suspect.velocity] > few * data.omega.size:
