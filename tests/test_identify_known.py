@@ -437,3 +437,10 @@ def test_of_decays_alone_a_wrong_stiffness_is_told_as_one_of_two():
     record = Record(0.05 * np.arange(500), {"Heave": states[:, 0] + 2e-4 * rng.normal(size=500)}, kind="decay")
     warnings = identify(model, record, "prediction-error", draws=50).warnings
     assert any("the records ask for" in text and "decays tell their ratio alone" in text for text in warnings)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_record_of_a_few_samples_is_refused_by_their_number(count):
+    moved = np.sin(np.arange(count))
+    with pytest.raises(InputError, match=f"{count} samples; at least 20 are needed"):
+        identify(tank(), Record(0.05 * np.arange(count), {"Heave": moved, "Heave_force": moved}), "prediction-error")

@@ -185,9 +185,9 @@ def whole(time: FloatArray, values: FloatArray, at: FloatArray | None = None) ->
 
 
 def middle(omega: FloatArray, spectrum: ComplexArray) -> float:
-    """Return the median frequency of a signal's power."""
+    """Return the median frequency of a signal's power; 0 of none."""
     power = np.cumsum(np.abs(spectrum[1:]) ** 2)
-    return float(omega[1 + int(np.searchsorted(power, 0.5 * power[-1]))]) if power[-1] > 0.0 else 0.0
+    return float(omega[1 + int(np.searchsorted(power, 0.5 * power[-1]))]) if power.any() else 0.0
 
 
 def band_of(omega: FloatArray, spectrum: ComplexArray) -> np.ndarray:

@@ -63,7 +63,7 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     energy = np.linalg.norm(of, axis=1) ** 2 / np.diag(model.M + model.A_inf)
     acts = energy > rules.weak * max(energy)
     power = [np.abs(f[band_of(w, f)]) ** 2 for f in of[acts]]
-    if not power or (not free and min(p.sum() ** 2 / np.sum(p**2) for p in power) < rules.lines):
+    if not power or (not free and min(p.sum() ** 2 / max(np.sum(p**2), 1e-300) for p in power) < rules.lines):
         return None
     as_given = _left(model, w, x, F, acts, rules)
     if as_given < rules.least:
