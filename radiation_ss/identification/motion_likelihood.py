@@ -116,8 +116,8 @@ class MotionLikelihood:
         """What makes a slow force on each motion: two first-order filters in series, the force the state of the second.
 
         Their matrix, their covariance at rest with forces of one, and their noise in a step, each (2n, 2n), with each
-        force before what drives it. The corner
-        is below the free motion's frequency, and below the force's that drives it where the motion is mostly a drift.
+        force before what drives it. The corner is below the free motion's frequency, and below the force's that drives
+        it where the motion is mostly a drift.
         """
         own, dt, corner = self.channels.frequency, self.channels.dt, np.empty(self.model.n)
         for i, force in enumerate(self.force.T):
@@ -164,6 +164,23 @@ class MotionLikelihood:
     def run(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return innovations and their variances, in units of each channel's rms, (..., nt, p); u, v (..., d)."""
         bodies, own = np.atleast_2d(u, v)
+        c, at = self.channels, slice(self.channels.count + self.model.n, self.channels.count + 2 * self.model.n)
+        e, s = np.empty((2, bodies.shape[0], *c.y.shape))
+        for i, (F, now, after, Q, H, direct, R) in enumerate(zip(*self.sampled(bodies, own))):
+            force = self.forces(bodies[i], own[i])
+            bent = force - (0.5 + 0.5 * own[i, at]) * self._curvature
+            drive = np.zeros((force.shape[0], F.shape[0]))
+            drive[:-1, :now.shape[0]] = bent[:-1] @ now.T + bent[1:] @ after.T
+            e[i], s[i] = innovations(F, Q, H, R, self._initial, drive, c.y / c.rms - force @ direct.T,
+                                     self.rules.settled)
+        return (e, s) if u.ndim > 1 else (e[0], s[0])
+
+    def sampled(self, bodies: FloatArray, own: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the sampled systems of u, v (count, d), with slow forces and the sensors' drift among their states.
+
+        Transition, what the force at its beginning and at its end adds, noise, outputs, what the force adds to these,
+        and their noise's variances.
+        """
         c, p, n, count = self.channels, self.channels.count, self.model.n, bodies.shape[0]
         F, G = self.matrices(bodies)
         N, at = F.shape[-1], 2 * np.arange(n)
@@ -181,15 +198,7 @@ class MotionLikelihood:
         full[:, :M, :M], full[:, M:, M:], Q[:, :M, :M] = Ad, np.eye(p), process @ process.swapaxes(1, 2)
         Q[:, N:M, N:M] += self._slow[2]
         Q[:, M:, M:] = (self.rules.drift * c.frequency * c.dt) ** 2 * noise[:, None]**2 * np.eye(p)
-        e, s = np.empty((2, count, *c.y.shape))
-        for i in range(count):
-            sampled = self.forces(bodies[i], own[i])
-            force = sampled - (0.5 + 0.5 * own[i, p + n:p + 2 * n]) * self._curvature
-            drive = np.zeros((force.shape[0], M + p))
-            drive[:-1, :M] = force[:-1] @ (held[i] - late[i]).T + force[1:] @ late[i].T
-            e[i], s[i] = innovations(full[i], Q[i], H[i], R[i], self._initial, drive,
-                                     c.y / c.rms - sampled @ direct[i].T, self.rules.settled)
-        return (e, s) if u.ndim > 1 else (e[0], s[0])
+        return full, held - late, late, Q, H, direct, R
 
     def value(self, u: FloatArray, v: FloatArray) -> float:
         """Return the log likelihood."""
