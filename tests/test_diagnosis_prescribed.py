@@ -393,3 +393,26 @@ def test_a_constant_that_is_left_does_not_count_as_closed():
     left = (how.gap_after**2 - how.noise_floor**2) / (how.gap_before**2 - how.noise_floor**2)
     assert how.shrinkage == pytest.approx(1.0 - left, abs=1e-9)
     assert left > 0.5
+
+
+@pytest.mark.parametrize("kind", ["static", "prescribed"])
+@pytest.mark.parametrize("times", [0.6, 1.4])
+def test_the_gain_of_one_of_two_coupled_motions_is_what_its_sensor_reads_more(kind, times):
+    """Forces by the two equations of motion, harmonic by harmonic; Heave is read `times` its motion."""
+    rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
+    M, A, C = np.array([[40.0, 1.5], [1.5, 9.0]]), np.diag([20.0, 3.0]), np.array([[300.0, 20.0], [20.0, 90.0]])
+    model, rng = rss.Model(("Heave", "Pitch"), M, A, C, rigid), np.random.default_rng(4)
+    if kind == "static":
+        time, F = np.arange(15.0), rng.uniform(-60.0, 60.0, (2, 15))
+        x = np.linalg.solve(C, F)
+    else:
+        time, x, F = TIME, np.zeros((2, TIME.size)), np.zeros((2, TIME.size))
+        for w in (2.1, 3.3, 4.6, 6.2, 7.9):
+            one = np.array([0.02, 0.05])[:, None] * np.sin(w * TIME + rng.uniform(0.0, 6.28, (2, 1)))
+            x, F = x + one, F + (C - w**2 * (M + A)) @ one
+    F = F + 1e-3 * F.std() * rng.standard_normal(F.shape)
+    read = x * [[times], [1.0]] + 3e-4 * x.std() * rng.standard_normal(x.shape)
+    record = rss.Record(time, {"Heave": read[0], "Pitch": read[1], "Heave_force": F[0], "Pitch_force": F[1]}, kind=kind)
+    (effect,) = rss.diagnose(model, record, effects=["sensor_gain"]).verdict.effects
+    value, deviation = effect.parameters["gain"]
+    assert effect.dof == "Heave" and abs(value - (times - 1.0)) < max(2.0 * deviation, 0.01) < 0.07

@@ -1,6 +1,6 @@
 """What is predicted, its errors, and the gap that they make."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.effect_features import Feature, Symbols, features
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
 from radiation_ss.inference.readings import averaged, fewest
 from radiation_ss.records.columns import QUANTITIES
@@ -128,14 +128,20 @@ def errors_on(model: Model, actives: Sequence[Active], record: Record,
 def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion) -> list[Error]:
     """Return what a model leaves of the measured force along a prescribed motion."""
     assert motion.force is not None
-    force = (model.M + model.A_inf) @ motion.a + motion.paced * model.D @ motion.v + motion.memory + model.C @ motion.x
-    for active in actives:
-        strengths = [name for name, p in active.effect.parameters.items() if p.strength]
-        for name, found in zip(strengths, features(Symbols(model, active), active, [motion])):
-            value = active.values.get(name, 0.0)
-            force = force - value * found[0].force
-            if np.any(found[0].reading):
-                force = force - value * needed_force(model, motion, found[0].reading)
+    read, told = np.eye(model.n), np.ones((model.n, 1))
+    off: FloatArray = np.zeros_like(motion.x)
+    for active, value, found in strengths_along(model, actives, motion):
+        R = found.reading_response[0].real
+        read, off = read + value * R, off + value * (found.reading - R @ motion.x)
+        if active.effect.linear and active.effect.input is not None:
+            told = told + value * np.diag(found.response[0].real)[:, None]
+    true = truly(model, motion, np.asarray(np.linalg.inv(read), dtype=np.float64))
+    force = (model.M + model.A_inf) @ true.a + true.paced * model.D @ true.v + true.memory + model.C @ true.x
+    if np.any(off):
+        force = force - needed_force(model, motion, np.asarray(np.linalg.solve(read, off), dtype=np.float64))
+    for _, value, found in strengths_along(model, actives, true):
+        force = force - value * found.force
+    error = (motion.force - force) / told
     # What the motion does beyond the record's ends reaches into the acceleration by half a test function.
     size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
     still, edge = motion.record.kind == "static", max(size, 1)
@@ -147,8 +153,28 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
         if still:  # which way the first place was reached is not known, and so not what friction holds there
             inner = known[motion.v[i, known] != 0.0] if np.any(motion.v[i, known]) else known
         errors.append(Error(motion.record.name, i, "force", motion.time[inner], motion.force[i, inner],
-                            (motion.force - force)[i, inner], float(np.sqrt(np.mean(held[i, inner] ** 2))), still))
+                            error[i, inner], float(np.sqrt(np.mean(held[i, inner] ** 2))), still))
     return errors
+
+
+def strengths_along(model: Model, actives: Sequence[Active],
+                    motion: MeasuredMotion) -> Iterator[tuple[Active, float, Feature]]:
+    """Yield each strength of some effects with its value and what a unit of it makes along a record."""
+    for active in actives:
+        strengths = [name for name, p in active.effect.parameters.items() if p.strength]
+        for name, found in zip(strengths, features(Symbols(model, active), active, [motion])):
+            yield active, active.values.get(name, 0.0), found[0]
+
+
+def truly(model: Model, motion: MeasuredMotion, share: FloatArray) -> MeasuredMotion:
+    """Return the motion that is a share (n, n) of what its sensors read."""
+    if np.array_equal(share, np.eye(model.n)):
+        return motion
+    raw, states = share @ motion.raw, motion.radiation
+    if motion.record.kind != "static":
+        states = radiation_states(model, raw, motion.dt)
+    return replace(motion, raw=raw, x=share @ motion.x, v=share @ motion.v, a=share @ motion.a,
+                   memory=model.fit.c @ states, radiation=states)
 
 
 def needed_force(model: Model, motion: MeasuredMotion, x: FloatArray) -> FloatArray:

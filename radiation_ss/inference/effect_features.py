@@ -32,7 +32,7 @@ class Feature:
     # (nw, n, n): Mean derivative of the force at the frequencies `omega_fine` of the record by what it predicts: by the
     # displacement, or of a prescribed motion by the measured force
     response: ComplexArray
-    reading_response: ComplexArray  # (nw, n, n): The same for the readings
+    reading_response: ComplexArray  # (nw, n, n): That of the readings by the displacement
     others: FloatArray  # (n, nt): What it adds to the displacements that the other sensors are derivatives of
 
 
@@ -83,18 +83,14 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
         if effect.clock_in is not None and run.force is not None:
             shift, whole = symbols.clock("clock_in", rows, strength, active)
             force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
-        driving = run.force if run.driven_alone and effect.linear and effect.scope != "directed" else None
         if effect.output is not None:
             place = symbols.places[0]
             value, slope = symbols.scalar("output", place, rows, strength, values)
-            if driving is None:
-                reading[place] = value
-            else:
-                force[place] += slope.real[place] * driving[place]
-                response[:, place] += slope
-            seen[:, place] += slope * (not run.prescribed)
+            reading[place] = value
+            seen[:, place] += slope
         if effect.clock_out is not None:
             shift, whole = symbols.clock("clock_out", rows, strength, active)
+            driving = run.force if run.driven_alone and effect.linear else None
             if driving is not None:
                 force[symbols.places] += shift * secant(run.time, driving[symbols.places], whole)
             for place in symbols.places if driving is None else ():  # its Jacobian's modulus is one: it turns phases

@@ -102,7 +102,7 @@ class MeasuredMotion:
 
     @property
     def driven_alone(self) -> bool:
-        """Whether a rig drives one motion, read by one sensor: its gain or delay is one of the force, as large."""
+        """Whether a rig drives one motion, read by one sensor: its delay is one of the force, as large."""
         alone = np.count_nonzero(self.free) == 1 and not self.sensors
         return self.record.kind == "prescribed" and self.force is not None and alone
 

@@ -179,8 +179,13 @@ class Filling:
     def add(self, r: int, feature: Feature) -> None:
         """Add the next record."""
         problem, run, values = self.problem, self.problem.runs[r], self.values
-        reading, gains = np.any(feature.reading), gains_of(feature) * (not run.prescribed)
-        memory = problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt) if reading else None
+        reading, slow = bool(np.any(feature.reading)), run.record.kind == "static"
+        gains = gains_of(feature) * reading
+        if run.prescribed:  # all equations that the motion enters, so that none has a quotient of the gain
+            Z = impedance(problem.model, run.omega * (not slow))
+            gains = gains.sum() * np.any(Z @ gains, axis=0)
+        memory = (problem.model.fit.c @ radiation_states(problem.model, feature.reading, run.dt)
+                  if reading and not slow else np.zeros_like(run.x))
         apart = feature.others - feature.reading
         for place in problem.places:
             if place.record != r:
@@ -194,10 +199,11 @@ class Filling:
             gain, force = gains[place.dof], feature.force
             values[place.rows, 0] = projected(problem.model, run, place, force if run.force is None
                                               else force + gain * run.force)
-            if memory is not None:
+            if reading:
                 values[place.rows, 0] += moved(problem.model, run, place, feature.reading - gain * run.x,
                                                memory - gain * run.memory)
-        self.relative.append(relative_change(feature, gains, *problem.impedances[r]).ravel() * (run.force is not None))
+        change = relative_change(feature, gains, *problem.impedances[r], run.prescribed)
+        self.relative.append(change.ravel() * (run.force is not None))
         if run.force is None:
             told_by_motion_alone(problem, r, values, self.linear)
 
@@ -242,9 +248,10 @@ def gains_of(feature: Feature) -> FloatArray:
     return np.asarray(R[0].real if constant else np.zeros(feature.force.shape[0]))
 
 
-def relative_change(feature: Feature, gains: FloatArray, Z: ComplexArray, inverse: ComplexArray) -> ComplexArray:
-    """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions."""
+def relative_change(feature: Feature, gains: FloatArray, Z: ComplexArray, inverse: ComplexArray,
+                    prescribed: bool) -> ComplexArray:
+    """Return the diagonal of Z^-1 J, shape (nw, n), of a record's own motions; no reading is of a measured force."""
     J = feature.response
     if np.any(feature.reading_response):
-        J = J + Z @ feature.reading_response - gains[:, None] * Z
+        J = J + Z @ feature.reading_response * (not prescribed) - gains[:, None] * Z
     return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
