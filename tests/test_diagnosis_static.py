@@ -64,3 +64,33 @@ def test_a_place_without_its_load_tells_nothing_but_the_way():
         effects=["linear_stiffness"])
     assert found.verdict.status == fewer.verdict.status
     assert found.how_far.gap_before == pytest.approx(fewer.how_far.gap_before, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.85, 1.2, 1.4, 2.0])
+def test_a_stiffness_and_the_gains_of_sensor_and_load_cell_are_one_in_a_static_test(share):
+    """A stiffness of `share` C, a sensor that reads 1 / share and a load of 1 / share make the same places."""
+    model, load = rss.body(**SHIP), np.linspace(-80.0, 80.0, 9)
+    heel = load / (share * model.C[0, 0])
+    heel = heel + 0.005 * heel.std() * np.random.default_rng(3).standard_normal(9)
+    record = rss.Record(np.arange(9.0), {"Roll": heel, "Roll_force": load}, kind="static", name="inclining")
+    found = rss.diagnose(model, record)
+    alone = {tuple(e.name for e in choice.effects): choice.log_evidence for choice in found.which}
+    assert found.verdict.status == "ambiguous" and not found.verdict.effects
+    assert set(found.verdict.indistinguishable) >= {("linear_stiffness",), ("sensor_gain",), ("excitation_gain",)}
+    assert alone["sensor_gain",] == pytest.approx(alone["excitation_gain",], abs=0.1)
+    assert alone["linear_stiffness",] == pytest.approx(alone["sensor_gain",], abs=2.5)
+    left = rss.simulate(model, record, found.corrected).outputs[0] - heel
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(heel) and found.how_far.gap_after < 0.02
+
+
+@pytest.mark.parametrize("times", [0.6, 1.4, 1.8])
+def test_a_gain_is_what_the_sensor_reads_more_however_large_it_is(times):
+    model, load = rss.body(**SHIP), np.linspace(-60.0, 60.0, 15)
+    heel = times * load / model.C[0, 0]
+    heel = heel + 5e-5 * np.random.default_rng(2).standard_normal(15)
+    record = rss.Record(np.arange(15.0), {"Roll": heel, "Roll_force": load}, kind="static", name="inclining")
+    found = rss.diagnose(model, record, effects=["sensor_gain"])
+    (effect,) = found.verdict.effects
+    assert effect.parameters["gain"][0] == pytest.approx(times - 1.0, abs=0.02)
+    left = rss.simulate(model, record, found.corrected).outputs[0] - heel
+    assert np.linalg.norm(left) < 0.005 * np.linalg.norm(heel) and found.how_far.gap_after < 0.005

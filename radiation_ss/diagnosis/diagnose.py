@@ -26,7 +26,7 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves, not_measured, unmoved
 from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable
+from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable, within_medians
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
@@ -209,7 +209,7 @@ def searched(problem: EquationError, effects: Sequence[Effect], present: Sequenc
     if pulled_slowly(problem) and not present:
         places = [(e.name, *at) for e in effects for at in e.places(problem.model.dofs)]
         return search(problem, [], rules.search), places
-    posterior = solve(problem.rows, problem.base, null.posterior.sizes)
+    posterior = solve(problem.rows, problem.base, within_medians(problem, null.posterior.sizes))
     terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
     acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
     hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]

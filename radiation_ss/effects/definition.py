@@ -126,6 +126,7 @@ class Effect:
         """Whether it acts in a test so slow that only position and direction matter, and no frequency does."""
         timeless = all(p.unit != "rad/s" for p in self.parameters.values())
         acts = self.family in ("stiffness", "offset", "nominal") or self.output is not None
+        acts = acts or (self.input is not None and self.needs != "force")
         return timeless and (self.rate_free or acts)
 
     @property

@@ -122,6 +122,8 @@ def terms_of(problem: EquationError, effects: Sequence[Effect], held: int = 5_00
             "waves": any("wave_elevation" in run.record.channels for run in problem.runs)}
     still = all(run.record.kind == "static" for run in problem.runs)
     for effect in effects:
+        if still and effect.input is not None and effect.linear:  # where no waves act, the force is the loads alone
+            effect = replace(effect, needs="")
         if not seen[effect.needs] or (still and not effect.settled):
             continue
         for dof, other in effect.places(problem.model.dofs):

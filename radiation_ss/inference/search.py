@@ -212,6 +212,14 @@ def start_sizes(problem: EquationError) -> Sizes:
     return Sizes(np.log(share), np.log(rows.ambient), np.zeros(sensors), 0.0)
 
 
+def within_medians(problem: EquationError, sizes: Sizes) -> Sizes:
+    """Return sizes with noise and unexplained forces of their prior medians at most: more may be an effect's."""
+    start, known = start_sizes(problem), np.arange(sizes.share.size) < sizes.share.size - problem.rows.spectra
+    share, ambient = (np.where(known, np.minimum(own, at), own) for own, at in (
+        (sizes.share, start.share), (sizes.ambient, start.ambient)))
+    return replace(sizes, share=share, ambient=ambient, noise=np.minimum(sizes.noise, start.noise))
+
+
 def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
               present: Sequence[str] = (), learned: bool = True, near: Candidate | None = None) -> Candidate:
     """Return a set of effects with all sizes learned, or with `sizes` as they are, from the unknowns of one `near`.
