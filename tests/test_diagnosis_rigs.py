@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 import radiation_ss as rss
 from radiation_ss.effects import Line, catenary, effect_named, named
@@ -241,3 +241,30 @@ def test_a_gap_shorter_than_two_slow_periods_keeps_what_the_fast_motion_tells():
     found = rss.diagnose(model, [decay(120.0, (0.5, 0.1), 500.0), decay(20.0, (0.02, 0.3), 9.0)],
                          effects=["quadratic_drag", "linear_damping"])
     assert [(e.name, e.dof) for e in found.verdict.effects] == [("quadratic_drag", "Heave")]
+
+
+@pytest.mark.parametrize("kind", ["forced", "static"])
+@pytest.mark.parametrize("constant", [0.5, -1.0, 2.0])
+def test_a_constant_force_is_corrected_by_what_the_sentence_says(kind, constant):
+    """A moored surge by lsim under known forces and a constant that the model lacks: in metres constant / C."""
+    rng, (m, c, k) = np.random.default_rng(0), (80.0, 4.0, 8.0)
+    model = rss.body(dof="Surge", mass=60.0, added_mass=20.0, C=k).attached(damping={"Surge": c})
+    if kind == "static":
+        time, force = np.arange(9.0), np.linspace(-4.0, 4.0, 9)
+        x = (force + constant) / k
+    else:
+        time = np.arange(0.0, 60.0, 0.02)
+        omega, phase = rng.uniform(1.0, 6.0, 15), rng.uniform(0.0, 6.28, 15)
+        force = 8.0 * np.cos(np.multiply.outer(time, omega) + phase).sum(axis=-1)
+        x = lsim(([1.0], [m, c, k]), force + constant, time)[1]
+    record = rss.Record(time, {"Surge": x + 2e-4 * rng.standard_normal(time.size), "Surge_force": force}, kind=kind)
+    found = rss.diagnose(model, record)
+    left = rss.simulate(model, record, found.corrected).outputs[0] - x
+    assert found.verdict.indistinguishable[0] == ("constant_force",)
+    assert set(found.verdict.indistinguishable) == {("constant_force",), ("sensor_bias",)}
+    assert np.sqrt(np.mean(left**2)) < 0.04 * abs(constant) / k  # a record's own zero, by its prior, takes .03 of it
+    assert found.how_far.gap_after < 0.04 * found.how_far.gap_before
+    assert found.budget.closed_by("constant_force", "Surge") == pytest.approx(found.how_far.gap_before, rel=0.02)
+    assert "with the first" in found.sentence
+    alone = rss.diagnose(model, record, effects=["linear_stiffness"])
+    assert "none of them being corrected" in alone.sentence and not alone.corrected.effects

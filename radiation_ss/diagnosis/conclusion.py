@@ -41,6 +41,7 @@ from radiation_ss.diagnosis.sets import (
 )
 from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
+from radiation_ss.diagnosis.zeros import all_right, least_beside, off_zero, put_right
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, from_regression
@@ -58,14 +59,22 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
     known = [r for r in data.fitted if predictable(model, r)]
     pair, closed = of_size(Fitted(numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
                                   errors), problem, known, data.tolerated, rules)
-    null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
-                    else (numbers(problem, found.null, data.tolerated, rules), pair))
     rest = remainder(problem, pair.candidate, data, rules)
     slow = [Row(e.name, e.dof, 0.0, (0.0, 0.0), e.inclusion, e.parameters) for e in rest.drifts.values()]
-    ledger, predictions = account(found, null, tested, data, slow, rest.below)
-    how = far(ledger, predictions)
+
+    def checked(pair: Fitted) -> tuple[Budget, dict[str, list[Error]]]:
+        null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
+                        else (numbers(problem, found.null, data.tolerated, rules), pair))
+        return account(found, null, tested, data, slow, rest.below)
+
+    ledger, predictions = checked(pair)
     own = simulated_numbers(model, data.tolerated, force=problem.forced)
-    answer = answered(grounds(found, pair, ledger, closed, own, data, rest, rules), found, ledger, hidden, rules)
+    on = grounds(found, pair, ledger, closed, own, data, rest, rules)
+    answer = answered(on, found, ledger, hidden, rules)
+    if (zeroed := put_right(found, pair, on.zeros, data, rules)) is not pair:
+        told = checked(zeroed)
+        if all_right(told[0], on.zeros, rules):
+            pair, ledger, predictions = zeroed, *told
     moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
                   for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
                                                                       off_best(found, pair.candidate, len(own)))))
@@ -73,7 +82,7 @@ def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data:
                           {dof: (s.x, s.omega) for dof, s in problem.scales.items()}, numbers_of(model))
     return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
                      where(problem, [e.name for e in answer.effects]),
-                     how, corrected, moved, predictions, model.dofs, rules)
+                     far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
 
 
 @dataclass(frozen=True)
@@ -197,21 +206,6 @@ def off_best(found: Found, best: Candidate, count: int) -> FloatArray:
     """Return how far the numbers of the model, `count` of them, are off those of the best set in all sets, rms."""
     means = np.array([c.posterior.mean[:count] for c in found.candidates])
     return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))
-
-
-def least_beside(closed: FloatArray, rules: Rules) -> float:
-    """Return how much of the motion a zero that is off, or a slow force, accounts for at least to be told."""
-    return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
-
-
-def off_zero(found: Found, pair: Fitted, closed: FloatArray, ledger: Budget, rules: Rules) -> list[str]:
-    """Return the degrees of freedom where a zero is off by what matters, or in some record by more than is allowed."""
-    least, names = least_beside(closed, rules), zeros()
-    sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in names and size >= least}
-    chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
-                       if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
-    return [dof for dof in found.problem.model.dofs
-            if chance.get(dof, 0.0) >= rules.sure or ledger.constant.get(dof, 0.0) >= rules.discrepancy.offset]
 
 
 def contradiction(model: Model, runs: Sequence[MeasuredMotion] = ()) -> float:

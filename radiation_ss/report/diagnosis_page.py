@@ -246,7 +246,7 @@ def verdict(found: Diagnosis) -> str:
     v, h = found.verdict, found.how_far
     names = " and ".join(described(e) for e in v.effects)
     noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
-    first = " with the first" if v.status == "ambiguous" and len(v.indistinguishable) > 1 else ""
+    first = with_which(found) if v.status == "ambiguous" and len(v.indistinguishable) > 1 else ""
     shrunk = f"the gap on unseen data shrinks from {h.gap_before:.1%} to {h.gap_after:.1%}{noise}{first}"
     if h.gap_after > 0.9 * h.gap_before:
         shrunk = f"the gap on unseen data stays{first}: {h.gap_before:.1%} as given, {h.gap_after:.1%} corrected{noise}"
@@ -286,6 +286,13 @@ def verdict(found: Diagnosis) -> str:
         told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "
                  f"{most.beyond:.1f} times its tolerance")
     return told + "."
+
+
+def with_which(found: Diagnosis) -> str:
+    """Return whether the first of several sets is corrected; a slow force is told, and no correction."""
+    done = {label(found.dofs, a.name, f"{a.dof},{a.other}" if a.other else a.dof) for a in found.corrected.effects}
+    wanted = {told for told in found.verdict.indistinguishable[0] if not told.startswith(DRIFT)}
+    return " with the first" if wanted <= done else ", none of them being corrected"
 
 
 def also(found: Diagnosis, most: int = 2) -> str:
