@@ -23,14 +23,21 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
     """
     from radiation_ss.fit.radiation import fit_radiation
 
+    def tried(options: dict[str, object], order: int | None) -> tuple[RadiationFit, list[warnings.WarningMessage]]:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            return fit_radiation(data, order, **options), said  # type: ignore[arg-type]
+
     def best(options: dict[str, object], orders: tuple[int | None, ...], enough: float | None) -> RadiationFit:
-        fit = fit_radiation(data, orders[0], **options)  # type: ignore[arg-type]
+        """Return the closest fit; only what was said of that one is said."""
+        fit, said = tried(options, orders[0])
         for finer in orders[1:]:
             if enough is None or (fit.relative_error or 0.0) <= enough:
                 break
             if finer is not None and finer > fit.order:
-                trial = fit_radiation(data, finer, **options)  # type: ignore[arg-type]
-                fit = min(fit, trial, key=lambda one: one.relative_error or 0.0)
+                fit, said = min((fit, said), tried(options, finer), key=lambda one: one[0].relative_error or 0.0)
+        for warning in said:
+            warnings.warn(warning.message, stacklevel=4)
         return fit
 
     def ways() -> Iterator[tuple[dict[str, object], tuple[int | None, ...], str]]:
