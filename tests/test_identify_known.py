@@ -328,6 +328,25 @@ def test_bad_records_are_named(channels, message):
         identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")
 
 
+@pytest.mark.parametrize("channels", [
+    {"Heave": np.sin(0.3 * np.arange(400)), "Heave_velocity": np.cos(0.3 * np.arange(400))},      # units contradict
+    {"Heave": np.sin(3e-4 * np.arange(400))}, {"Heave": np.zeros(400)}, {"Heave": np.full(400, np.nan)},
+    {"Heave": np.sin(0.3 * np.arange(400)), "Heave_force": np.full(400, np.nan)},
+    {"Heave": np.sin(0.3 * np.arange(400)), "Heave_force": np.full(400, np.nan), "wave_elevation": np.ones(400)}])
+def test_a_force_that_is_not_there_is_told_before_anything_else(channels):
+    """Each record has other faults, too, and is given twice."""
+    record = Record(0.001 * np.arange(400), channels, kind="waves")
+    lacking = "column Heave_force is empty" if "Heave_force" in channels else "no Heave_force among its columns Heave"
+    with pytest.raises(InputError, match=rf"^record record: the force is not known \({lacking}.* needs none$"):
+        identify(tank(), [record, record], "prediction-error")
+
+
+def test_one_force_of_two_that_is_not_there_is_told_before_anything_else():
+    still = {"Sway": np.zeros(400), "Roll": np.zeros(400), "Sway_force": np.zeros(400)}
+    with pytest.raises(InputError, match="Roll_force is missing while other forces are there"):
+        identify(sway_roll(), Record(0.05 * np.arange(400), still), "prediction-error")
+
+
 def test_a_static_test_is_said_to_have_no_radiation():
     offsets = Record(np.arange(9.0), {"Heave": np.linspace(-0.1, 0.1, 9), "Heave_force": np.linspace(-60.0, 60.0, 9)},
                      kind="static")

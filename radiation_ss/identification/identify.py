@@ -14,6 +14,7 @@ from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
+from radiation_ss.identification.channels import check_force_known
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
@@ -140,6 +141,8 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         if record.kind == "static":
             raise InputError(f"record {record.name}: a static test has no motion that radiates waves, so it says "
                              "nothing of A, B or a wave's force; `diagnose` takes it for the stiffness")
+        if method == "prediction-error":    # what it cannot do without, before what else is wrong with the record
+            check_force_known(model, record)
     check_given_once(runs)
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
