@@ -152,9 +152,18 @@ def settings_of(options: Mapping[str, object]) -> FilterSettings:
     return settings
 
 
-def natural_frequencies(model: Model) -> FloatArray:
-    """Return the undamped natural frequencies [rad/s], shape (n,)."""
-    return np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
+def natural_frequencies(model: Model, least: float = 1e-6) -> FloatArray:
+    """Return the undamped natural frequencies [rad/s] of the motions that something restores, ascending.
+
+    A frequency below `least` of the highest one is rounding. Where nothing is restored, it is that of the radiation's
+    fastest state; 1 without such.
+    """
+    squares = np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C)))
+    found = np.sqrt(np.sort(squares[squares > least**2 * squares.max()]))
+    if found.size:
+        return found
+    fastest = float(np.abs(np.linalg.eigvals(model.fit.a)).max(initial=0.0))
+    return np.array([fastest or 1.0])
 
 
 @dataclass(frozen=True, eq=False)
