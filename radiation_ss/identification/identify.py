@@ -35,6 +35,7 @@ from radiation_ss.inference.prior import parametrise, relative_spread
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
+from radiation_ss.records.marks import check_no_codes
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, since_release
 from radiation_ss.simulation.headings import along_waves, directional
@@ -144,6 +145,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         if method == "prediction-error":    # what it cannot do without, before what else is wrong with the record
             check_force_known(model, record)
     check_given_once(runs)
+    check_no_codes(runs)
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]
