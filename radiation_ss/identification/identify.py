@@ -1,6 +1,6 @@
 """`identify`: added mass, damping, exciting force and sea from records of a floating body, by one entry point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from radiation_ss.arrays import FloatArray, generator
+from radiation_ss.arrays import FloatArray, generator, is_number
 from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
+from radiation_ss.identification.channels import check_force_known
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
@@ -34,6 +35,7 @@ from radiation_ss.inference.prior import parametrise, relative_spread
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
+from radiation_ss.records.marks import check_no_codes
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, since_release
 from radiation_ss.simulation.headings import along_waves, directional
@@ -132,7 +134,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     >>> rss.identify(model, [], "points", points=[6.0], omega=[5.0, 6.0]).B.mean.shape
     (2, 1, 1)
     """
-    method, rules = _asked(method, prior, points, settings_of(options))
+    (method, rules), grid = _asked(method, prior, points, settings_of(options)), _asked_at(omega)
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
@@ -140,19 +142,23 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         if record.kind == "static":
             raise InputError(f"record {record.name}: a static test has no motion that radiates waves, so it says "
                              "nothing of A, B or a wave's force; `diagnose` takes it for the stiffness")
+        if method == "prediction-error":    # what it cannot do without, before what else is wrong with the record
+            check_force_known(model, record)
     check_given_once(runs)
+    check_no_codes(runs)
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]
     untold = [r.name for r in waves
               if directional(model) and "heading" not in r.meta and "wave_elevation" not in r.channels]
     model = along_waves(model, [r for r in waves if r.name not in untold])
-    if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
+    # The model's own, but for its kernel (see `prior`).
+    if rules.tolerance is None or isinstance(rules.tolerance, Mapping):
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     check_units(model, runs)
     check_decays(model, runs)
-    grid, studies = _frequencies(model, omega), []
+    studies = []
     # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
     forced = sum(record.kind != "decay" for record in runs) > len(waves)
     beyond = prior * rules.beyond if method == "prediction-error" and forced else 0.0
@@ -177,6 +183,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
                     "what is found, dampers and nominal numbers too, and the bands may not hold it; a fit with more "
                     "states tells more")
     said += damped_otherwise(model, prior)
+    grid = _frequencies(model) if grid is None else grid
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
@@ -227,7 +234,7 @@ def _asked(method: str, prior: float, points: Points | None, rules: Settings) ->
     if rules.tolerance is not None and method == "dual-enkf":
         raise InputError(f"tolerance: {rules.tolerance!r} found, but the dual filter takes the model's numbers as they "
                          "are; use method 'prediction-error', 'spectral' or 'joint'")
-    if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
+    if not is_number(prior) or not 1e-6 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
     return method, rules
 
@@ -278,12 +285,19 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
     return replace(form, mean=mean)
 
 
-def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
-    if omega is not None:
-        grid = np.atleast_1d(np.array(omega, dtype=float))  # the caller's own may change
-        if grid.size == 0 or not (grid > 0.0).all() or not (np.diff(grid) > 0.0).all():
-            raise InputError("omega: positive ascending frequencies [rad/s] needed")
-        return grid
+def _asked_at(omega: ArrayLike | None) -> FloatArray | None:
+    """Return the frequencies asked for; InputError if they are none."""
+    try:
+        grid = None if omega is None else np.atleast_1d(np.array(omega, dtype=float))  # the caller's own may change
+    except (TypeError, ValueError):
+        grid = np.zeros(0)
+    if grid is not None and not (grid.ndim == 1 and grid.size and grid[0] > 0.0 and np.isfinite(grid).all()
+                                 and (np.diff(grid) > 0.0).all()):
+        raise InputError(f"omega: {omega!r}; positive ascending frequencies [rad/s] are needed")
+    return grid
+
+
+def _frequencies(model: Model) -> FloatArray:
     if model.hydro is not None:
         return np.array(model.hydro.omega)
     stiffness, inertia = np.abs(np.diag(model.C)), np.diag(model.M + model.A_inf)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import SolverError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.laws import (
@@ -245,10 +245,7 @@ def record_likelihoods(study: Study, record: Record) -> list[MotionLikelihood]:
     channels, known = motion_channels(study.model, record), known_force(study.model, record)
     if known is not None:
         return motion_likelihoods(study.model, study.form, *thinned(channels, known))
-    elevation = known_elevation(study.model, record)
-    if elevation is None:
-        raise InputError(f"record {record.name}: the force is not known (no <Dof>_force column, not "
-                         "'# kind: decay', no wave_elevation with X in the model); method 'spectral' needs none")
+    elevation = known_elevation(record)
     channels, column = thinned(channels, elevation[:, None])
     trim = min(round(NoiseRules().edge * channels.period / channels.dt), column.shape[0] // 5)
     wave = wave_force(study.model, study.form, column[:, 0], channels.dt, channels.frequency,
