@@ -291,6 +291,29 @@ def test_a_small_damper_in_waves_is_in_the_bands(damper):
     assert not any("linear damping" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize(("gain", "late"), [(0.8, 0.0), (1.1, 0.05)])
+def test_size_and_delay_of_the_recorded_force_are_named(gain, late):
+    """By phasors. Both went into mass, stiffness and radiation, whose bands then held a third of B."""
+    model, rng, time = tank(), np.random.default_rng(1), 0.05 * np.arange(600)
+    omega = rng.uniform(4.0, 13.0, 60)
+    waves = np.exp(1j * np.outer(time, omega)) * np.exp(2j * np.pi * rng.random(60))
+    K, force = model.fit.frequency_response(omega)[:, 0, 0], np.exp(-0.5 * ((omega - 6.5) / 1.5) ** 2)
+    inertia = (model.M + model.A_inf)[0, 0]
+    heave = (waves @ (force / (model.C[0, 0] - omega**2 * inertia + 1j * omega * (K + model.D[0, 0])))).real
+    column = gain * (waves @ (force * np.exp(-1j * omega * late))).real
+    noisy = [read + 0.01 * read.std() * rng.standard_normal(time.size) for read in (heave, column)]
+    record = Record(time, dict(zip(("Heave", "Heave_force"), noisy)), kind="forced")
+    found = identify(model, record, "prediction-error", omega=BAND, draws=300)
+    B = model.fit.frequency_response(BAND).real
+    assert np.mean((found.B.lower < B) & (B < found.B.upper)) > 0.85
+    told = " ".join(text for text in found.warnings if "the recorded force does not fit the motion" in text)
+    for name, size in (("force gain", 1.0 / gain - 1.0), ("late force", late)):
+        assert (f"{name} [Heave]" in told) == (size != 0.0)
+        if size:
+            row = found.baseline["nonlinearity_test"][f"{name} [Heave]"]
+            assert abs(row["estimate"] - size) < 3.0 * row["std"] < abs(size)
+
+
 def test_an_accelerometer_tells_as_much_as_a_displacement():
     """By phasors: to the force at a sample, not to its mean since the last one, the acceleration answers at once."""
     model, rng, time = tank(), np.random.default_rng(1), 0.05 * np.arange(800)

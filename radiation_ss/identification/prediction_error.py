@@ -11,6 +11,8 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.identification.channels import known_elevation, known_force, motion_channels, strong_bins, thinned
 from radiation_ss.identification.force import wave_force
 from radiation_ss.identification.laws import (
+    FORCE,
+    LATE,
     LINEAR,
     dampers,
     law_warnings,
@@ -53,11 +55,27 @@ def attribute(study: Study, parts: list[MotionLikelihood],
         if name is None or len(laws) >= study.rules.most_laws or left[name]["p"] >= chance / len(left):
             return parts, target, peak, tests, laws
         laws.append(name)
-        for rules in (NEAR, None):      # with the law the filtered motion is another, and the law along it
-            parts, start = followed(study, parts, target, peak.phi, name)
-            target = study.target(parts)
-            peak = find_peak(target, start, rules)
-            start = peak.phi
+        parts, peak = with_laws(study, parts, peak.phi, laws)
+        start = peak.phi
+
+
+def with_laws(study: Study, parts: list[MotionLikelihood], phi: FloatArray,
+              laws: Sequence[str]) -> tuple[list[MotionLikelihood], Peak]:
+    """Return the parts with the last of some laws added, and their mode, from a mode without it.
+
+    With the law the filtered motion is another, and the law along it, as are size and delay of the recorded force. A
+    fit to a wrong force is no start for the right one: the model's own numbers are.
+    """
+    kind, recorded = taken_apart(laws[-1])[0], [name for name in laws[:-1] if taken_apart(name)[0] in FORCE]
+    for round_, rules in enumerate((*(NEAR,) * (4 if kind == LATE else 1), None)):
+        for name in (*recorded, laws[-1]):
+            parts, phi = followed(study, parts, study.target(parts), phi, name)
+        target = study.target(parts)
+        if kind in FORCE and round_ == 0:
+            phi = from_body(study, parts, target, np.r_[np.zeros(study.n_u), phi[study.n_u:]])
+        peak = find_peak(target, phi, rules)
+        phi = peak.phi
+    return parts, peak
 
 
 def first_fit(study: Study, parts: list[MotionLikelihood]) -> tuple[list[MotionLikelihood], FloatArray, list[str]]:
