@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
 from radiation_ss.arrays import FloatArray, generator, is_number
 from radiation_ss.body.convert import as_model, opened
-from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
@@ -32,6 +30,7 @@ from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.inference.prior import parametrise, relative_spread
+from radiation_ss.inference.remainder import Remainder
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
@@ -178,33 +177,11 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
              if method in MOTION_ONLY and record.kind != "decay"
              and record.get("force", model.dofs) is not None]
     left = float(model.fit.relative_error or 0.0)
-    if left > max(prior / 3.0, rules.tolerances["kernel"]):
-        said.append(f"the radiation model leaves out {left:.0%} of K in its own data: what it leaves out goes into "
-                    "what is found, dampers and nominal numbers too, and the bands may not hold it; a fit with more "
-                    "states tells more")
-    said += damped_otherwise(model, prior)
+    if study.form.beside is None and left > max(prior / 3.0, rules.tolerances["kernel"]):
+        said.append(f"the radiation model leaves out {left:.0%} of K in its own data, which it does not carry: that "
+                    "goes into what is found, and the bands may not hold it; a fit with more states tells more")
     grid = _frequencies(model) if grid is None else grid
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
-
-
-def damped_otherwise(model: Model, share: float) -> list[str]:
-    """Return a sentence for each natural mode where the fit's damping is off its data's by more than a share of it.
-
-    A small part of the largest damping is many times that at a mooring's slow mode. Below the data's lowest frequency
-    the damping falls to zero at rest.
-    """
-    said, modes, data = [], natural_modes(model), model.hydro
-    for i, period in enumerate(modes.period):
-        if data is None or not np.isfinite(period) or 2.0 * np.pi / period > data.omega[-1]:
-            continue
-        known, omega = data.omega > 0.0, 2.0 * np.pi / period
-        there = float(PchipInterpolator(np.r_[0.0, data.omega[known]], np.r_[0.0, data.B[known, i, i]])(omega))
-        fitted = float(model.fit.frequency_response(np.array([omega]))[0, i, i].real)
-        if abs(fitted - there) > share * (there + model.D[i, i]):
-            said.append(f"at the natural frequency of {model.dofs[i]}, {omega:.3g} rad/s, the model's damping by waves "
-                        f"is {fitted:.2g}, that of its data {there:.2g}: what the motion shows of it goes into other "
-                        "numbers and dampers; fit with more states, or with a point at that frequency")
-    return said
 
 
 def _answered(studies: Sequence[Study], method: str) -> tuple[Study, Findings]:
@@ -268,21 +245,25 @@ def _form(model: Model, method: str, prior: float, beyond: float, rules: Setting
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation whose prior mean has what the model's fit leaves out, as its sections can follow."""
+    """Return the parametrisation with what the model's fit leaves out of its data: as its sections can follow in their
+    prior mean, where also motions feel it that are not measured, and the rest beside.
+    """
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
-    if data is None or data.A_inf is None or block is None:
+    if data is None or data.A_inf is None or data.omega.size < 2:
         return form
     omega, mean = np.array(data.omega), form.mean.copy()
     missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
-    basis = form.basis(form.mean, omega, block)
-    for number, (j, k) in enumerate(block.entries):
-        at = np.arange(mean.size)[block.numerator(number)]
-        used, values = form.std[at] > 0.0, 0.5 * (missing[:, j, k] + missing[:, k, j])
-        spread = form.std[at[used]]
-        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * spread
+    missing = 0.5 * (missing + missing.swapaxes(1, 2))
+    for number, (j, k) in enumerate(block.entries if block is not None else ()):
+        assert block is not None
+        basis, at = form.basis(form.mean, omega, block), np.arange(mean.size)[block.numerator(number)]
+        used = form.std[at] > 0.0
+        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
         # What the data hardly see, as beyond their band, stays zero.
-        mean[at[used]] = spread * np.linalg.lstsq(columns, np.r_[values.real, values.imag], rcond=0.01)[0]
-    return replace(form, mean=mean)
+        right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
+        mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
+    left = missing + form.K(form.mean, omega) - form.K(mean, omega)
+    return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 
 
 def _asked_at(omega: ArrayLike | None) -> FloatArray | None:

@@ -58,7 +58,7 @@ class Settings:
     # taken into the model
     nonlinear: float = 0.04
     nonlinear_elevation: float = 6e-7
-    most_laws: int = 2
+    most_laws: int = 3
     misfit: float = 1e-4  # Chance of a false warning about prediction errors that noise does not explain
     # Of the dual filter: as printed, with Q_theta, Q_state, Q_force, R and `units` as `DualEnKF` takes them
     preset: str | None = None
