@@ -80,6 +80,16 @@ def generator(seed: int | np.random.Generator) -> np.random.Generator:
         raise InputError(f"seed: {seed!r}; a whole number, 0 or more, is needed") from None
 
 
+def is_number(value: Any, *, whole: bool = False) -> bool:
+    """Return whether something is one real number, NaN and infinity among them; a truth value is none.
+
+    >>> is_number(np.float32(0.5)), is_number(True), is_number("1"), is_number(2.0, whole=True)
+    (True, False, False, False)
+    """
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    return isinstance(value, kinds) and not isinstance(value, bool)
+
+
 class FrozenMap(Mapping[K, V]):
     """A mapping that cannot be changed and can be pickled, for fields of frozen dataclasses."""
 

@@ -65,7 +65,19 @@ def _reason(error: Exception) -> str:
         return f"field {within[1] if within else str(error)[:200]} is missing"
     if isinstance(error, RecursionError):
         return "nested too deeply"
-    return next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
+    line = next(iter(str(error).splitlines()), "")
+    return (line if len(line) <= 200 else f"{line[:200].rsplit(' ', 1)[0]} ...") or type(error).__name__
+
+
+def is_text(content: bytes, most: int = 4096) -> bool:
+    """Whether the first bytes of a file are text: UTF-8 without control characters but for tabs and ends of lines."""
+    try:
+        words = content[:most].decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        if error.start < len(content[:most]) - 3:  # else a character is cut
+            return False
+        words = content[:error.start].decode("utf-8-sig")
+    return bool(words) and all(letter.isprintable() or letter in "\t\r\n\f" for letter in words)
 
 
 def read_json(path: str | Path, what: str, build: Callable[[dict[str, Any]], T], schema: str | None = None) -> T:

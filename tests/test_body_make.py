@@ -85,6 +85,20 @@ def test_a_section_with_its_length_is_the_box_of_archimedes():
     assert low.C[0, 0] == pytest.approx(mass * 9.81 * (-0.1 + 0.4**3 / 12.0 / 0.08 + 0.1), rel=1e-6)
 
 
+def test_a_gyradius_means_the_same_whichever_motions_are_asked_for():
+    """About G, moved to the axis by Steiner's theorem, where G is given; else about the axis."""
+    box = {"section": [(0.0, -0.1), (0.1, -0.1), (0.1, 0.0)], "length": 1.0, "gyradius": 0.07}
+    for arm, given in ((0.06, {"centre_of_gravity": -0.06}), (0.0, {"GM": 0.04})):
+        alone, both = (rss.body(dof=dofs, **box, **given) for dofs in ("Roll", ("Sway", "Roll")))
+        assert alone.M[0, 0] == pytest.approx(20.0 * (0.07**2 + arm**2), rel=1e-9)
+        assert both.M == pytest.approx(np.array([[20.0, 20.0 * arm], [20.0 * arm, alone.M[0, 0]]]), rel=1e-9)
+    data = rss.section_2d(box["section"], np.linspace(0.5, 20.0, 30), gyradius=0.07, centre_of_gravity=-0.06)
+    numbers = {"radiation": data.at((0.0, 0.0, -0.02)), "mass": 20.0, "gyradius": 0.07, "centre_of_gravity": -0.06}
+    moved, both = (rss.body(dof=dofs, **numbers) for dofs in ("Roll", ("Sway", "Roll")))
+    assert moved.M[0, 0] == pytest.approx(20.0 * (0.07**2 + 0.04**2), rel=1e-9)
+    assert both.M[1, 1] == pytest.approx(moved.M[0, 0], rel=1e-9)
+
+
 def test_several_degrees_of_freedom_each_by_its_own_numbers():
     model = rss.body(dof=("Surge", "Heave", "Pitch"), mass=100.0, gyradius=0.5, GM=0.3, C={"Heave": 2000.0},
                      period={"Heave": 1.6, "Pitch": 2.0}, added_mass={"Surge": 10.0})

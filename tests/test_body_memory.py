@@ -72,6 +72,14 @@ def test_a_slow_moored_motion_has_no_more_damping_than_the_file(order, period, s
     assert natural_modes(model).period[0] == pytest.approx(2.0 * np.pi / omega, rel=period)
 
 
+def test_what_is_wrong_with_the_fit_is_said_once():
+    """Several orders are tried, each of which misses damping of the other sign."""
+    data = slow_body()
+    with pytest.warns(rss.errors.InputWarning) as said:
+        rss.Model.from_hydro(data.replace(B=-data.B), accuracy=0.01)
+    assert len([one for one in said if "the fit does not follow K of Surge" in str(one.message)]) == 1
+
+
 def test_points_and_fits_of_ones_own_are_kept():
     data = slow_body()
     own = rss.fit_radiation(data, 4)

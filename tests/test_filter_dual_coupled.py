@@ -9,7 +9,7 @@ from scipy.linalg import expm
 import radiation_ss as rss
 from benchmarks.coupled_body import body, noise_record
 from benchmarks.filter_by_numpy import advance, assimilate, printed_step, transition, usable
-from radiation_ss.filter import SampleBlock, fill_gaussian
+from radiation_ss.filter import SampleBlock, UncertainPlant, fill_gaussian
 from radiation_ss.inference import channels, subsystems_of
 
 
@@ -84,3 +84,48 @@ def test_compiled_paper_filter_is_the_readable_one(analysis):
     engine.advance(SampleBlock(y, np.full(60, 0.01), np.ones(60, dtype=np.int64)))
     np.testing.assert_allclose(engine.state.theta, ensembles.theta, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(engine.state.z, ensembles.z, rtol=1e-6, atol=1e-6)
+
+
+def adrift(dofs):
+    """Return a body that nothing restores in surge, its record in a sea of forty harmonics, and their forces (n, nt).
+
+    With the second degree of freedom, heave, it is two bodies in one.
+    """
+    n = len(dofs)
+    a, b, c = (np.kron(np.eye(n), part) for part in ([[0.0, 1.0], [-9.0, -3.0]], [[0.0], [1.0]], [[0.0, 4.0]]))
+    fit = rss.RadiationFit(dofs, a, b, c, 2)
+    C = np.diag([0.0, 250.0][:n])
+    model = rss.Model(dofs, 2.0 * np.eye(n), np.eye(n), C, fit, D=0.01 * np.eye(n))
+    rng, time = np.random.default_rng(0), 0.05 * np.arange(800)
+    w, phase = rng.uniform(3.0, 6.0, 40), rng.uniform(0.0, 2.0 * np.pi, (n, 40))
+    waves = 0.3 * np.exp(1j * phase)
+    K = fit.frequency_response(w) + model.D
+    size = -w**2 * 3.0 + 1j * w * np.einsum("wii->iw", K) + np.diag(C)[:, None]
+    back = np.exp(1j * np.outer(w, time))
+    force, moved = (waves @ back).real, ((waves / size) @ back).real
+    noisy = moved + 0.005 * moved.std() * rng.standard_normal(moved.shape)
+    return model, rss.Record(time, dict(zip(dofs, noisy)), kind="waves"), force
+
+
+@pytest.mark.parametrize("dofs", [("Surge",), ("Surge", "Heave")])
+@pytest.mark.parametrize("options", [{}, {"preset": "paper"}])
+def test_a_body_that_nothing_restores_is_filtered_as_any_other(dofs, options):
+    model, record, force = adrift(dofs)
+    filter_ = rss.DualEnKF(model, n_ensemble=20, **options)
+    assert 0.0 < filter_.omega[0] and np.isfinite([*filter_.omega, *filter_.units]).all()
+    unknown = filter_.run(record)
+    assert np.isfinite(unknown.K).all() and np.isfinite(unknown.force.mean).all()
+    assert options or np.std((unknown.force.mean - force)[:, 200:]) < 0.3 * force.std()
+    told = rss.identify(model, record.with_channels(**{f"{dof}_force": row for dof, row in zip(dofs, force)}),
+                        "paper" if options else "dual-enkf")
+    truth = model.fit.frequency_response(told.omega)
+    assert np.isfinite(told.K.mean).all()
+    assert options or np.linalg.norm(told.K.mean - truth) < 0.15 * np.linalg.norm(truth)
+
+
+def test_named_parameters_of_a_body_that_nothing_restores_are_learned():
+    model, record, force = adrift(("Surge",))
+    heavy = UncertainPlant(lambda p: model.replace(M=[[p["mass"]]]), {"mass": (2.2, 0.1)})
+    found = rss.DualEnKF(heavy, n_ensemble=20).run(record.with_channels(Surge_force=force[0]))
+    assert found.parameters["mass"].lower < 2.0 < found.parameters["mass"].upper
+    assert found.parameters["mass"].std < 0.05

@@ -71,6 +71,36 @@ def test_a_plant_whose_radiation_is_off_says_so_and_its_bands_still_hold(scale):
         assert p.lower < TRUTH[name] < p.upper
 
 
+def spiked(record, share, names, seed=3, many=8):
+    """Return the record with spikes, of a share of each channel's deviation, and without those samples."""
+    rng, out, without = np.random.default_rng(seed), {}, {}
+    for name in names:
+        values = np.array(record.channels[name])
+        at = rng.choice(np.arange(100, values.size - 5), many, replace=False)
+        size = share * values.std() * rng.choice([-1.0, 1.0], many)
+        out[name], without[name] = values.copy(), values.copy()
+        out[name][at] += size
+        without[name][at] = np.nan
+    return record.with_channels(**out), record.with_channels(**without)
+
+
+@pytest.mark.parametrize("share, names", [
+    (0.2, ["Heave"]), (20.0, ["Heave", "Heave_velocity", "Heave_acceleration", "Heave_force"]),
+    (1e12, ["Heave_acceleration"])])
+def test_what_the_gate_refuses_teaches_nothing(share, names):
+    """Noise is a share of .01: the smallest spikes are 20 deviations of it. They change what is seen of it by 1 %."""
+    record, _ = forced(0, 6.0)
+    medians = 1.0 + 0.12 * np.random.default_rng(0).standard_normal(3)
+    spiky, without = spiked(record, share, names)
+    here, there = (rss.DualEnKF(plant(medians), seed=0, n_ensemble=20).run(one) for one in (spiky, without))
+    assert here.counts["refused"] == 8 * len(names) and there.counts["refused"] == 0
+    assert not here.warnings
+    for name in TRUTH:
+        told, p = here.parameters[name], there.parameters[name]
+        assert told.std == pytest.approx(p.std, rel=0.02) and abs(told.mean - p.mean) < 0.05 * p.std
+    assert here.force.mean == pytest.approx(there.force.mean, abs=0.02 * there.force.mean.std())
+
+
 def test_the_smoothed_force_of_named_parameters_is_nearer_than_the_filtered_one():
     record, force = sea_record(4, 6.0)
     springy = UncertainPlant(lambda p: tank().replace(C=[[p["stiffness"]]]), {"stiffness": (STIFFNESS, 0.001)})

@@ -242,6 +242,21 @@ def test_written_bemio_model_is_the_radiation_of_wecsim(fit, tmp_path):
     assert not np.delete(np.delete(K, [2, 4], axis=1), [2, 4], axis=2).any()
 
 
+def test_an_entry_of_a_bemio_file_has_only_the_poles_that_it_shows(tmp_path):
+    """Heave and roll share one of three parts of the radiation; the others reach one of the two, or neither."""
+    a = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * z * w]] for w, z in ((2.0, 0.6), (3.0, 0.5), (2.5, 0.8))))
+    shape = np.array([[1.0, 0.25, 0.0], [0.1, 1.5, 0.7], [0.0, 0.3, -1.0]])
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
+    b = np.kron(shape, [[0.0], [1.0]])
+    c = np.kron(shape.T * [900.0, 500.0, 300.0], [[0.0, 1.0]])
+    fit = rss.RadiationFit(("Heave", "Pitch", "Roll"), turn.T @ a @ turn, turn.T @ b, c @ turn, order=6)
+    with h5py.File(fit.write(tmp_path / "three.h5")) as file:
+        states = file["body1/hydro_coeffs/radiation_damping/state_space/it"][()]
+    assert states[np.ix_([2, 4, 3], [2, 4, 3])].tolist() == [[4, 4, 2], [4, 6, 4], [2, 4, 4]]
+    found = read_fit(tmp_path / "three.h5").select(fit.dofs).frequency_response(OMEGA)
+    assert_allclose(found, fit.frequency_response(OMEGA), rtol=1e-9, atol=1e-9 * 900.0)
+
+
 def test_axes_of_mss_files_are_turned_and_poles_on_the_axis_are_no_crash(tmp_path):
     # MSS has x forward, y starboard, z down: surge-heave couples with the other sign than with z up.
     cells = {key: np.empty((6, 6), dtype=object) for key in ("Ar", "Br", "Cr")}

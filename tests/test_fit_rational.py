@@ -64,6 +64,20 @@ def test_minimal_removes_what_is_there_twice():
     assert_allclose(to_polynomials(*reduced)[1], 2.0 * b[:, 0], rtol=1e-7)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_minimal_removes_what_is_not_reached_and_what_is_not_seen(seed):
+    """Also after a change of state, whose rounding leaves a little of each."""
+    both, unreached, unseen = (observer_form(*one) for one in (
+        ([9.0, 3.0], [0.0, 1.0]), ([4.0, 2.4], [0.0, 1.0]), ([6.0, 11.0, 6.0], [0.0, 0.0, 1.0])))
+    a = block_diag(both[0], unreached[0], unseen[0])
+    b = np.vstack([both[1], 0.0 * unreached[1], unseen[1]])
+    c = np.hstack([both[2], unreached[2], 0.0 * unseen[2]])
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(7, 7)))[0]
+    reduced = minimal(turn.T @ a @ turn, turn.T @ b, c @ turn, tolerance=1e-10)
+    assert_allclose(np.linalg.eigvals(reduced[0]), np.roots([1.0, 3.0, 9.0]), rtol=1e-9)
+    assert_allclose(to_polynomials(*reduced)[1], [0.0, 1.0], atol=1e-9)
+
+
 def test_lengths_must_agree():
     with pytest.raises(InputError, match="3 and 2 coefficients"):
         observer_form([1.0, 2.0, 3.0], [1.0, 2.0])

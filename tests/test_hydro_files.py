@@ -302,6 +302,25 @@ def test_a_damaged_file_is_an_input_error(tmp_path):
             rss.read_hydro(tmp_path / "cut.nc")
 
 
+@pytest.mark.parametrize("content, words", [
+    (b"", r"x\.nc: the file is empty$"), (b"hello\n", r"x\.nc: is text, not netCDF; "),
+    ("omega; Häve\r\n".encode() * 600, r"x\.nc: is text, not netCDF; "),
+    (bytes(range(128, 256)), r"x\.nc: not a readable netCDF dataset \(neither netCDF nor HDF5 by its first bytes\)$")])
+def test_what_is_no_netcdf_is_told_without_the_words_of_a_library(tmp_path, content, words):
+    (tmp_path / "x.nc").write_bytes(content)
+    with pytest.raises(rss.InputError, match=words):
+        rss.read_hydro(tmp_path / "x.nc")
+    with pytest.raises(rss.InputError, match=words):
+        rss.read_model(tmp_path / "x.nc")
+
+
+def test_an_empty_file_of_any_program_is_said_to_be_empty(tmp_path):
+    for name in ("x.1", "x.out", "x.h5", "x.mat", "x.lis", "x.yml"):
+        (tmp_path / name).touch()
+        with pytest.raises(rss.InputError, match=rf"{name}: the file is empty$"):
+            rss.read_hydro(tmp_path / name)
+
+
 def test_a_pointer_of_git_lfs_is_named(tmp_path):
     for name in ("rm3.h5", "rm3.out", "rm3.nc"):
         (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
@@ -505,7 +524,7 @@ def swap(old, new):
     (samples.wamit, "body.3", cut, r"body\.3"),
     (samples.wamit, "body.3", lambda t: t + " 1.0 0.0 1 1.0\n", "4 columns found, 7 needed"),
     (samples.wamit, "body.hst", lambda t: t + " 1 1 1.0\n", "are there twice"),
-    (samples.wamit, "body.1", lambda t: "", "no added mass"),
+    (samples.wamit, "body.1", lambda t: "\n", "no added mass"),
     (samples.wamit_out, "body.out", cut, r"body\.out"),
     (samples.wamit_out, "body.out", swap("Gravity:     9", "Gravity:     x9"), "gravity"),
     (samples.aqwa, "body.AH1", cut, r"body\.AH1"),

@@ -1,5 +1,6 @@
 """The check names what is wrong and where; cleaning changes that and nothing else."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,23 @@ def test_wrong_and_missing_A_inf():
     assert found.problem and found.dofs == ("Heave",) and found.value == pytest.approx(0.3, rel=0.3)
     report = passive(A_inf=None).check()
     assert report.ok and "with_A_inf" in the(report, "A_inf missing").message
+
+
+@pytest.mark.parametrize("M, dofs, words", [
+    ([[-50.0, 0.0], [0.0, 9e5]], ("Heave",), r"inertia_matrix \(M\) of Heave is -50 kg; it must be positive"),
+    ([[4e4, 0.0], [0.0, 0.0]], ("Pitch",), r"of Pitch is 0 kg m\^2; it must be positive"),
+    ([[4e4, 2e6], [2e6, 9e5]], ("Heave", "Pitch"), r"\(M\) \+ A_inf is not positive definite"),
+])
+def test_an_inertia_that_no_body_has_is_a_problem_and_says_nothing_of_the_stiffness(M, dofs, words):
+    data = passive(M=M, C=np.diag([3e5, 2e6]))
+    report = data.check()
+    found = the(report, "inertia")
+    assert not report.ok and found.dofs == dofs and re.search(words, found.message)
+    assert "negative stiffness" not in kinds(report, problems=False)
+    with pytest.raises(rss.InputError, match=words):
+        rss.Model.from_hydro(data.replace(source="body.nc"))
+    falls = data.replace(C=np.diag([3e5, -2e6])).check()       # of a motion without inertia nothing is said
+    assert [f.dofs for f in falls.findings if f.kind == "negative stiffness"] == [("Pitch",)] * (M[1][1] > 0.0)
 
 
 def test_bands_too_short_too_late_too_coarse():

@@ -207,6 +207,36 @@ def test_suspicious_channels_are_named(tmp_path, channels, word):
         rss.read_record(tmp_path / "run.csv")
 
 
+@pytest.mark.parametrize("code", [-999.0, -9999.0, 999.9, -99.0, 1e20, -1e30, np.float32(-999.9), -32768.0, 9.96921e36])
+def test_a_lone_code_for_a_missing_sample_is_told_as_such_alone(tmp_path, code):
+    """Nor is it an amplitude in millimetres, and the reading at rest is that of the others."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
+    heave = 0.1 * WAVE + noise
+    heave[200] = code if code != 9.96921e36 else 9.969209968386869e36
+    (said,) = suspicions(rss.Record(TIME, {"Heave": heave}, kind="motion-only"))
+    assert said.startswith(f"Heave: 1 sample of {code:g}, far from all others; does it stand for a missing one?")
+    blow = rss.Record(TIME, {"Heave_force": np.where(TIME == TIME[200], 1.2345 * code, heave)}, kind="forced")
+    assert not any("missing" in text for text in suspicions(blow))
+    (tmp_path / "run.csv").write_text("time [s],Roll [deg]\n" + "".join(
+        f"{t:.2f},{code if k == 200 else 20.0 * x:.6g}\n" for k, (t, x) in enumerate(zip(TIME, heave))))
+    with pytest.warns(InputWarning, match=r"Roll: 1 sample of .* \(.* deg\), far from all others") as told:
+        record = rss.read_record(tmp_path / "run.csv")
+    assert len(told) == 1
+    fit = rss.RadiationFit(("Roll",), [[-3.0]], [[4.0]], [[1.0]], 1)
+    body = rss.Model(("Roll",), [[50.0]], [[30.0]], [[300.0]], fit)
+    with pytest.raises(InputError, match=r"^record run, Roll: 1 sample of .*Leave such cells empty$"):
+        rss.identify(body, record)
+
+
+def test_codes_of_both_ends_and_a_reading_within_the_others():
+    values = np.round(60.0 * WAVE)
+    assert suspicions(rss.Record(TIME, {"Heave_force": np.where(TIME == 10.0, 99.0, values)}, kind="forced")) == ()
+    values[[7, 80, 81, 300]] = -999.0, 1e20, 1e20, -9999.0
+    said = [text for text in suspicions(rss.Record(TIME, {"Heave_force": values}, kind="forced")) if "missing" in text]
+    assert [text.split(", far")[0].split(": ")[1] for text in said] == [
+        "1 sample of -9999", "1 sample of -999", "2 samples of 1e+20"]
+
+
 @pytest.mark.parametrize("shown", [0.0, None])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_hanging_sensor_shows_is_left_out(seed, shown):

@@ -76,6 +76,7 @@ def test_force_elevation_and_time_are_held_against_the_model(factor):
     for run in (rss.DualEnKF(heave_tank()).run, lambda r: rss.identify(heave_tank(), r, "prediction-error")):
         with pytest.raises(InputError, match=r"column Heave_force or Heave, all 3000 rows.*look at Heave_force first"):
             run(wrong)
+    for run in (rss.DualEnKF(heave_tank()).run, lambda r: rss.identify(heave_tank(), r)):
         with pytest.raises(InputError, match="column time, all 3000 rows"):
             run(Record(factor * record.time, record.channels))
     waves, _ = sail(model, 30.0, np.random.default_rng(1))

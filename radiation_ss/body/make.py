@@ -56,7 +56,9 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
     name : str
     **numbers
         dof, units, mass, GM, C, gyradius, period, damping_ratio, added_mass, centre_of_gravity, rho, g; see
-        `radiation_ss.body.particulars.Particulars`. One number, or a mapping by degree of freedom.
+        `radiation_ss.body.particulars.Particulars`. One number, or a mapping by degree of freedom. A gyradius is about
+        the centre of gravity where that is given (Steiner's theorem moves it to the axis of the motion), else about
+        the axis itself.
 
     Raises
     ------
@@ -224,6 +226,8 @@ def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit 
         return None if value is None else float(value[0, 0])
 
     M = entry(data, "M") if p.of("mass", dof) is None else p.inertia(dof)
+    if fit is not None and p.of("mass", dof) is not None and M is not None and mode(dof) in RIGID:
+        M = float(_inertia_matrix(p, data)[0, 0])  # about the reference point, as of several degrees of freedom
     A = entry(data, "A_inf") if p.of("added_mass", dof) is None else p.of("added_mass", dof)
     C = entry(data, "C") if p.stiffness(dof) is None else p.stiffness(dof)
     return M, entry(fit, "A_inf") if A is None else A, C

@@ -40,7 +40,8 @@ class Particulars:
     C : float or mapping
         Stiffness [N/m, N m/rad]. Absent in Surge, Sway and Yaw: zero.
     gyradius : float or mapping
-        Radius of gyration of rotations [m], about the axis that the motion refers to.
+        Radius of gyration of rotations [m], about the centre of gravity where `centre_of_gravity` is given: the inertia
+        about the axis of the motion is m (gyradius^2 + arm^2) then; without it about that axis itself, m gyradius^2.
     period : float or mapping
         Period of a free decay [s].
     damping_ratio : float or mapping
@@ -122,7 +123,7 @@ class Particulars:
         return mode(dof) in ROTATIONS or self.units.get(dof) == "rad"
 
     def inertia(self, dof: str) -> float | None:
-        """Return the rigid-body inertia of a degree of freedom [kg, kg m^2], None if it does not follow."""
+        """Return mass or m gyradius^2 of a degree of freedom [kg, kg m^2], None if it does not follow."""
         mass, gyradius = self.of("mass", dof), self.of("gyradius", dof)
         if mass is None or not self.turns(dof):
             return mass

@@ -25,7 +25,8 @@ STATUS = "Exit status: 0 done; 2 bad input, one line says what and where; 1 an i
 # Numbers of `model`: name, unit, meaning
 MODEL_NUMBERS = (
     ("mass", "KG", "mass"), ("gm", "M", "metacentric height of Roll or Pitch"),
-    ("stiffness", "C", "N/m or N m/rad, instead of --gm"), ("gyradius", "M", "radius of gyration of a rotation"),
+    ("stiffness", "C", "N/m or N m/rad, instead of --gm"),
+    ("gyradius", "M", "radius of gyration, about G where --centre-of-gravity is given, else about the axis"),
     ("period", "S", "period of a free decay"), ("damping-ratio", "Z", "damping ratio of a free decay (0.05 is 5 %%)"),
     ("added-mass", "KG", "at infinite frequency, kg or kg m^2"), ("length", "M", "length of the body of --section"),
     ("centre-of-gravity", "M", "height z, up from the water surface"), ("rho", "KG/M3", "water density (1000)"),

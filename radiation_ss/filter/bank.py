@@ -1,14 +1,8 @@
-"""Plants with named uncertain parameters, and the bank of linear plants that share one covariance, in NumPy, for them.
-
-Where the force is known, the parameters learn from the whole record by Gauss-Newton steps on the innovations of the
-bank's tangents, with the lognormal prior: .2 ms a sample.
-"""
+"""Plants with named uncertain parameters, and the bank of linear plants that share one covariance, in NumPy."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -19,16 +13,9 @@ from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinate
 from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter import estimate
 from radiation_ss.filter.estimate import Band, Tabled
-from radiation_ss.filter.members import exact_draws
-from radiation_ss.filter.plan import start_covariance
-from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of
+from radiation_ss.filter.settings import ForceModel
 from radiation_ss.inference.kalman import Gaussian, predict, smooth
-from radiation_ss.inference.laplace import Climb, Target, find_peak
-from radiation_ss.inference.scales import channels, scales_of
-from radiation_ss.inference.subsystems import subsystems_of
-from radiation_ss.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +135,16 @@ class BankRun(NamedTuple):
     force: FloatArray        # (nt, n)
     force_std: FloatArray    # (nt, n)
     nis: FloatArray          # (nt,)
-    used: np.ndarray         # (nt,)
+    taken: np.ndarray        # (nt, 4 n): whether a sample was used
     information: FloatArray  # (d, d)
     gradient: FloatArray     # (d,)
     path: list[tuple[Gaussian, Gaussian, FloatArray]]  # before and after each sample, and the transition to it
     cost: float              # twice the negative log likelihood of the samples that were learned from
+
+    @property
+    def used(self) -> np.ndarray:
+        """Number of channels used at each time, (nt,)."""
+        return np.asarray(self.taken.sum(axis=1))
 
 
 def bank_of(systems: Sequence[Matrices], force: ForceModel, noise: FloatArray, P: FloatArray) -> Bank:
@@ -182,7 +174,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
     n, d, z, P, last = channels // 4, columns - 1, np.zeros((columns, size, 1)), bank.P, np.nan
     dts, path = np.diff(time, prepend=time[0]), []
     force, force_std, nis = np.zeros((len(dts), n)), np.zeros((len(dts), n)), np.zeros(len(dts))
-    used, information, gradient, cost = np.zeros(len(dts), dtype=np.int64), np.zeros((d, d)), np.zeros(d), 0.0
+    taken, information, gradient, cost = np.isfinite(samples), np.zeros((d, d)), np.zeros(d), 0.0
     F = np.eye(size)[None]
     for t, (y, dt) in enumerate(zip(samples, dts)):
         if dt > 0.0:
@@ -197,6 +189,7 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
             s = bank.H[-1, c] @ gain + bank.r[c]
             spread = innovation[:-1].var() if d > 1 and not tangents else 0.0
             if abs(innovation[-1]) > gate * np.sqrt(s + spread):
+                taken[t, c] = False
                 continue
             if learning:
                 slope = (innovation[-1] - innovation[:-1]) / tangents
@@ -206,12 +199,11 @@ def run_bank(bank: Bank, time: FloatArray, samples: FloatArray, *, gate: float =
             z = z + (innovation[:, None] * (gain / s))[..., None]
             P = P - np.outer(gain, gain) / s
             nis[t] += innovation[-1] ** 2 / (s + spread)
-            used[t] += 1
         after = Gaussian(z[..., 0].T, P)
         force[t], force_std[t] = _force(after, n)
         if keep:
             path.append((before, after, F[-1]))
-    return BankRun(force, force_std, nis, used, information, gradient, path, float(cost))
+    return BankRun(force, force_std, nis, taken, information, gradient, path, float(cost))
 
 
 def smoothed_force(run: BankRun) -> Band:
@@ -230,57 +222,3 @@ def _force(state: Gaussian, n: int) -> tuple[FloatArray, FloatArray]:
     rows = slice(-2 * n, None, 2)
     spread = state.mean[rows, :-1].var(axis=1, ddof=1) if state.mean.shape[1] > 2 else 0.0
     return state.mean[rows, -1], np.sqrt(spread + np.maximum(np.diag(state.cov)[rows], 0.0))
-
-
-def run_general(plant: UncertainPlant, record: Record, settings: FilterSettings, *, smooth: bool = False,
-                passes: int = 30, near: float = 1e-4, settled: float = 0.1) -> PlantEstimate:
-    """Filter a record on a plant with named uncertain parameters; settings: seed, n_ensemble, gate, noise.
-
-    At most `passes` damped Gauss-Newton steps, tangents `near` prior standard deviations apart, ended by one of
-    `settled` posterior ones. Where the plant does not explain the record, its information counts by
-    `information_share`.
-    """
-    nominal, d = plant.model(plant.start), plant.start.size
-    scales = scales_of(record, nominal, subsystems_of(nominal.fit), settings.noise)
-    force = force_model_of("coloured", scales.force, scales.omega, scales.bandwidth)
-    # The plants' own states, not a Model's: of systems that differ a little these may differ much.
-    P, y, T = start_covariance(nominal.fit, scales, force), channels(record, nominal.dofs).T, plant.own(plant.start)[1]
-    P[:len(T), :len(T)] = T @ P[:len(T), :len(T)] @ T.T
-
-    def bank(u: FloatArray) -> Bank:
-        return bank_of([plant.own(row)[0] for row in plant.theta(u)], force, scales.noise, P)
-
-    @lru_cache(maxsize=1)
-    def learned(at: tuple[float, ...]) -> BankRun:
-        u = np.array(at)
-        with np.errstate(over="ignore", invalid="ignore"):   # a step too far may make the plant unstable
-            return run_bank(bank(np.vstack([u + near * np.eye(d), u])), record.time, y, tangents=near)
-
-    def local(u: FloatArray, _: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        run = learned(tuple(u.tolist()))
-        there = np.isfinite(run.cost) and np.isfinite(run.information).all()
-        return -0.5 * run.cost if there else -np.inf, run.gradient, run.information
-
-    u, information, found = np.zeros(d), np.zeros((d, d)), None
-    if np.isfinite(y[:, 3 * nominal.n:]).all(axis=1).any():
-        likelihood: Any = SimpleNamespace(size=0, value=lambda u, v: local(u, v)[0], local=local)
-        target = Target(d, [likelihood], lambda rows: np.ones(rows.shape[0], dtype=bool))
-        try:
-            peak = find_peak(target, u, Climb(passes, settled**2))
-        except SolverError:
-            raise SolverError(f"the parameters {', '.join(plant.parameters)} do not settle in {passes} passes; give "
-                              "better medians or smaller deviations") from None
-        u, information, found = peak.phi, peak.fisher - np.eye(d), learned(tuple(peak.phi.tolist()))
-    share, doubts = estimate.information_share(found.nis, found.used) if found else (1.0, ())
-    information = share * information
-    u = u - (1.0 - share) * np.linalg.solve(np.eye(d) + information, u)
-    root = np.linalg.cholesky(np.linalg.inv(np.eye(d) + information))
-    drawn = u + exact_draws(np.random.default_rng(settings.seed), d, settings.n_ensemble).T @ root.T
-    out = run_bank(bank(np.vstack([drawn, u])), record.time, y, gate=settings.gate, keep=smooth)
-    members = plant.theta(drawn).T
-    table = estimate.parameter_table(tuple(plant.parameters), plant.theta(u), members, plant.start,
-                                     plant.relative * np.abs(plant.start))
-    counts = {"refused": int(np.isfinite(y).sum() - out.used.sum())}
-    said = (*doubts, *estimate.warnings_of(table, counts, record, nominal.dofs, False, None))
-    band = smoothed_force(out) if smooth else Band.normal(out.force.T, out.force_std.T)
-    return PlantEstimate(nominal.dofs, record.time, band, table, members, out.nis, out.used, counts, said, plant)

@@ -13,12 +13,13 @@ from radiation_ss.body.convert import ModelLike, as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter import estimate
-from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, run_general, smoothed_force
+from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
 from radiation_ss.filter.default import LEARN, DefaultEngine
 from radiation_ss.filter.estimate import Band, Estimate, StepResult
 from radiation_ss.filter.marginal import SampleRules, system_of
 from radiation_ss.filter.members import drawing, gaussian_members, passivity
+from radiation_ss.filter.named import run_general
 from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, generator
+from radiation_ss.arrays import ComplexArray, FloatArray, generator, is_number
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.points import Points, point_values
@@ -19,7 +19,8 @@ CHOICES = {"preset": (None, "paper"), "learn": ("known-force", "always", "never"
 NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
     ("inflation R gate larger point_noise", lambda value: value > 0.0, "a number above 0 is needed"),
     ("Q_theta Q_state Q_force", lambda value: 0.0 <= value < np.inf, "a number, zero or more, is needed: a variance"),
-    ("n_ensemble", lambda value: value >= 4, "a number is needed, at least 4 members for a covariance"),
+    ("n_ensemble", lambda value: is_number(value, whole=True) and value >= 4,
+     "a whole number, at least 4 members for a covariance, is needed"),
     ("pace", lambda value: value >= 1, "a number, at least 1, is needed"))
 
 
@@ -88,7 +89,7 @@ class FilterSettings:
         for names, good, needed in NUMBERS:
             for name in names.split():
                 value = getattr(self, name)
-                if not isinstance(value, int | float | np.integer | np.floating) or not good(value):
+                if not is_number(value) or not good(value):
                     raise InputError(f"{name}: {value!r}; {needed}")
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
@@ -151,9 +152,18 @@ def settings_of(options: Mapping[str, object]) -> FilterSettings:
     return settings
 
 
-def natural_frequencies(model: Model) -> FloatArray:
-    """Return the undamped natural frequencies [rad/s], shape (n,)."""
-    return np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C))))
+def natural_frequencies(model: Model, least: float = 1e-6) -> FloatArray:
+    """Return the undamped natural frequencies [rad/s] of the motions that something restores, ascending.
+
+    A frequency below `least` of the highest one is rounding. Where nothing is restored, it is that of the radiation's
+    fastest state; 1 without such.
+    """
+    squares = np.abs(np.linalg.eigvals(np.linalg.solve(model.M + model.A_inf, model.C)))
+    found = np.sqrt(np.sort(squares[squares > least**2 * squares.max()]))
+    if found.size:
+        return found
+    fastest = float(np.abs(np.linalg.eigvals(model.fit.a)).max(initial=0.0))
+    return np.array([fastest or 1.0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,6 +74,8 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
         raise InputError(f"{path}: no such file or folder")
     if path.is_file() and path.stat().st_size < 1024 and path.read_bytes().startswith(b"version https://git-lfs"):
         raise InputError(f"{path}: a pointer of Git LFS in place of the file; `git lfs pull` fetches it")
+    if path.is_file() and path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty")
     known = sorted(set(FORMATS.values()))
     name = format or _told_from(path)
     if path.is_dir() and not name:

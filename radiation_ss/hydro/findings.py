@@ -12,9 +12,9 @@ from radiation_ss.methods import Shown, later
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KINDS = ("irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset", "A_inf missing",
-         "spike", "wave phase", "scale", "negative stiffness", "depth", "Haskind", "coarse band", "short band",
-         "late band", "non-radiating mode")
+KINDS = ("inertia", "irregular frequency", "negative damping", "asymmetry", "Kramers-Kronig", "A_inf offset",
+         "A_inf missing", "spike", "wave phase", "scale", "negative stiffness", "depth", "Haskind", "coarse band",
+         "short band", "late band", "non-radiating mode")
 Bands = tuple[tuple[float, float], ...]
 
 

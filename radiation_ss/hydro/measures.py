@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
-from radiation_ss.hydro.data import HydroData, body, mode, motion_unit
+from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
 from radiation_ss.hydro.findings import Finding
 from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 
@@ -158,8 +158,10 @@ def statically_unstable(M: FloatArray, C: FloatArray, dofs: Sequence[str], rest:
 
     M^-1 C then has negative eigenvalues, as (M + A)^-1 C has (Sylvester's law of inertia); those degrees of freedom are
     named that hold a tenth or more of the energy x^T C x in such a mode. `rest`: share of the largest eigenvalue that
-    is round-off.
+    is round-off. The law needs a positive M: of one that is not, the sizes on its diagonal count.
     """
+    if np.linalg.eigvalsh(0.5 * (M + M.T))[0] < 0.0:
+        M = np.diag(np.abs(np.diag(M)))
     values, modes = np.linalg.eig(np.linalg.pinv(M) @ C)
     least = rest * np.abs(values).max()
     shapes = modes[:, (values.real < -least) & (np.abs(values.imag) <= least)].real
@@ -171,6 +173,18 @@ def statically_unstable(M: FloatArray, C: FloatArray, dofs: Sequence[str], rest:
 def unstable_text(dofs: Sequence[str]) -> str:
     """Return words for degrees of freedom that are statically unstable."""
     return f"C < 0 in {' and '.join(dofs)}: the body is statically unstable there"
+
+
+def inertia_not_positive(M: FloatArray, A_inf: FloatArray | None, dofs: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Return the degrees of freedom whose inertia no body has, and a sentence; both empty where there are none."""
+    if wrong := {dof: mass for dof, mass in zip(dofs, np.diag(M)) if mass <= 0.0}:
+        unit = {dof: (" kg m^2" if motion_unit(dof) == "rad" else " kg") * (mode(dof) in RIGID) for dof in wrong}
+        each = ", ".join(f"of {dof} is {mass:.4g}{unit[dof]}" for dof, mass in wrong.items())
+        return tuple(wrong), f"inertia_matrix (M) {each}; it must be positive"
+    if A_inf is not None and np.linalg.eigvalsh(0.5 * (M + A_inf + (M + A_inf).T))[0] <= 0.0:
+        return tuple(dofs), ("inertia_matrix (M) + A_inf is not positive definite, and of a body it is; check the mass "
+                             "matrix, its reference point and A_inf")
+    return (), ""
 
 
 def inertia_not_symmetric(A_inf: FloatArray, M: FloatArray | None, dofs: Sequence[str], tolerance: float = 0.03) -> str:

@@ -20,6 +20,7 @@ from radiation_ss.hydro.measures import (
     bands,
     damping_scale,
     horizontal_lead,
+    inertia_not_positive,
     is_reversed,
     mass_scale,
     named,
@@ -65,6 +66,8 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))
+    if data.M is not None and (wrong := inertia_not_positive(data.M, data.A_inf, data.dofs))[0]:
+        findings.append(Finding("inertia", True, 1.0, (), *wrong))
     findings += [Finding("scale", True, 1.0, (), (), text) for text in off_scale(data)]
     if data.M is not None and data.C is not None and (loose := statically_unstable(data.M, data.C, data.dofs)):
         findings.append(Finding("negative stiffness", False, 0.0, (), loose, f"{unstable_text(loose)}; check the "

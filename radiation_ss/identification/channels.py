@@ -168,25 +168,41 @@ def on_grid(record: Record, values: FloatArray, jitter: float = 0.01) -> FloatAr
     return np.asarray(out)
 
 
+def check_force_known(model: Model, record: Record) -> None:
+    """Raise InputError where a record states no force, or only some: no column, no decay, no elevation with X.
+
+    That a record has no motion of the model either is another error.
+    """
+    if not set(model.dofs) & set(record.dofs):
+        return
+    measured, data = record.get("force", model.dofs), model.hydro
+    rows = [np.zeros(0)] * model.n if measured is None else measured
+    missing = [] if record.kind == "decay" else [
+        f"{dof}_force" for dof, row in zip(model.dofs, rows) if not np.isfinite(row).any()]
+    empty = [name for name in missing if name in record.channels]
+    sea = "wave_elevation" in record.channels and data is not None and data.X is not None
+    if not missing or (measured is None and sea):
+        return
+    if len(missing) < model.n:
+        raise InputError(f"record {record.name}: {missing[0]} is missing while other forces are there; add it (0 where "
+                         "nothing acts) or drop all force columns")
+    lacking = f"column {empty[0]} is empty" if empty else (
+        f"no {' or '.join(missing)} among its columns {', '.join(record.channels)}")
+    raise InputError(f"record {record.name}: the force is not known ({lacking}, not '# kind: decay', no wave_elevation "
+                     "with X in the model); method 'spectral' needs none")
+
+
 def known_force(model: Model, record: Record) -> FloatArray | None:
     """Return the exciting force (nt, n) on the uniform grid: recorded, or a decay test's zero; None if not known."""
-    measured, rows = record.get("force", model.dofs), []
+    measured = record.get("force", model.dofs)
     if measured is None:
         return None
-    for dof, row in zip(model.dofs, measured):
-        if not np.isfinite(row).any():
-            if record.kind != "decay":
-                raise InputError(f"record {record.name}: {dof}_force is missing while other forces are there; add it "
-                                 "(0 where nothing acts) or drop all force columns")
-            row = np.zeros(row.size)
-        rows.append(_bridged(record, f"{dof}_force", row))
-    return np.stack(rows, axis=1)
+    rows = [row if np.isfinite(row).any() else np.zeros(row.size) for row in measured]
+    return np.stack([_bridged(record, f"{dof}_force", row) for dof, row in zip(model.dofs, rows)], axis=1)
 
 
-def known_elevation(model: Model, record: Record) -> FloatArray | None:
-    """Return the wave elevation (nt,) on the record's uniform grid, mean removed; None without it or without X."""
-    if "wave_elevation" not in record.channels or model.hydro is None or model.hydro.X is None:
-        return None
+def known_elevation(record: Record) -> FloatArray:
+    """Return the wave elevation (nt,) on the record's uniform grid, mean removed."""
     check_elevation_at_body(record)
     elevation = _bridged(record, "wave_elevation", record.channels["wave_elevation"])
     return elevation - elevation.mean()

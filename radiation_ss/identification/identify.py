@@ -1,19 +1,18 @@
 """`identify`: added mass, damping, exciting force and sea from records of a floating body, by one entry point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
-from radiation_ss.arrays import FloatArray, generator
+from radiation_ss.arrays import FloatArray, generator, is_number
 from radiation_ss.body.convert import as_model, opened
-from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
+from radiation_ss.identification.channels import check_force_known
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
@@ -31,9 +30,11 @@ from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import Points, known_points
 from radiation_ss.inference.prior import parametrise, relative_spread
+from radiation_ss.inference.remainder import Remainder
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
 from radiation_ss.records.convert import as_records
+from radiation_ss.records.marks import check_no_codes
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, since_release
 from radiation_ss.simulation.headings import along_waves, directional
@@ -132,7 +133,7 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     >>> rss.identify(model, [], "points", points=[6.0], omega=[5.0, 6.0]).B.mean.shape
     (2, 1, 1)
     """
-    method, rules = _asked(method, prior, points, settings_of(options))
+    (method, rules), grid = _asked(method, prior, points, settings_of(options)), _asked_at(omega)
     runs = () if method == "points" else (records,) if isinstance(records, Record) else tuple(records)
     if not runs and method != "points":
         raise InputError(f"records: none given, and method {method!r} needs at least one")
@@ -140,19 +141,23 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         if record.kind == "static":
             raise InputError(f"record {record.name}: a static test has no motion that radiates waves, so it says "
                              "nothing of A, B or a wave's force; `diagnose` takes it for the stiffness")
+        if method == "prediction-error":    # what it cannot do without, before what else is wrong with the record
+            check_force_known(model, record)
     check_given_once(runs)
+    check_no_codes(runs)
     freed = [since_release(record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]
     untold = [r.name for r in waves
               if directional(model) and "heading" not in r.meta and "wave_elevation" not in r.channels]
     model = along_waves(model, [r for r in waves if r.name not in untold])
-    if not isinstance(rules.tolerance, float | int):  # the model's own, but for its kernel (see `prior`)
+    # The model's own, but for its kernel (see `prior`).
+    if rules.tolerance is None or isinstance(rules.tolerance, Mapping):
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     check_units(model, runs)
     check_decays(model, runs)
-    grid, studies = _frequencies(model, omega), []
+    studies = []
     # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
     forced = sum(record.kind != "decay" for record in runs) > len(waves)
     beyond = prior * rules.beyond if method == "prediction-error" and forced else 0.0
@@ -172,32 +177,11 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
              if method in MOTION_ONLY and record.kind != "decay"
              and record.get("force", model.dofs) is not None]
     left = float(model.fit.relative_error or 0.0)
-    if left > max(prior / 3.0, rules.tolerances["kernel"]):
-        said.append(f"the radiation model leaves out {left:.0%} of K in its own data: what it leaves out goes into "
-                    "what is found, dampers and nominal numbers too, and the bands may not hold it; a fit with more "
-                    "states tells more")
-    said += damped_otherwise(model, prior)
+    if study.form.beside is None and left > max(prior / 3.0, rules.tolerances["kernel"]):
+        said.append(f"the radiation model leaves out {left:.0%} of K in its own data, which it does not carry: that "
+                    "goes into what is found, and the bands may not hold it; a fit with more states tells more")
+    grid = _frequencies(model) if grid is None else grid
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
-
-
-def damped_otherwise(model: Model, share: float) -> list[str]:
-    """Return a sentence for each natural mode where the fit's damping is off its data's by more than a share of it.
-
-    A small part of the largest damping is many times that at a mooring's slow mode. Below the data's lowest frequency
-    the damping falls to zero at rest.
-    """
-    said, modes, data = [], natural_modes(model), model.hydro
-    for i, period in enumerate(modes.period):
-        if data is None or not np.isfinite(period) or 2.0 * np.pi / period > data.omega[-1]:
-            continue
-        known, omega = data.omega > 0.0, 2.0 * np.pi / period
-        there = float(PchipInterpolator(np.r_[0.0, data.omega[known]], np.r_[0.0, data.B[known, i, i]])(omega))
-        fitted = float(model.fit.frequency_response(np.array([omega]))[0, i, i].real)
-        if abs(fitted - there) > share * (there + model.D[i, i]):
-            said.append(f"at the natural frequency of {model.dofs[i]}, {omega:.3g} rad/s, the model's damping by waves "
-                        f"is {fitted:.2g}, that of its data {there:.2g}: what the motion shows of it goes into other "
-                        "numbers and dampers; fit with more states, or with a point at that frequency")
-    return said
 
 
 def _answered(studies: Sequence[Study], method: str) -> tuple[Study, Findings]:
@@ -227,7 +211,7 @@ def _asked(method: str, prior: float, points: Points | None, rules: Settings) ->
     if rules.tolerance is not None and method == "dual-enkf":
         raise InputError(f"tolerance: {rules.tolerance!r} found, but the dual filter takes the model's numbers as they "
                          "are; use method 'prediction-error', 'spectral' or 'joint'")
-    if not isinstance(prior, (int, float, np.floating)) or not 1e-6 < prior < 1.0:
+    if not is_number(prior) or not 1e-6 < prior < 1.0:
         raise InputError(f"prior: relative standard deviation between 1e-6 and 1 needed, found {prior!r}")
     return method, rules
 
@@ -261,29 +245,40 @@ def _form(model: Model, method: str, prior: float, beyond: float, rules: Setting
 
 
 def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation whose prior mean has what the model's fit leaves out, as its sections can follow."""
+    """Return the parametrisation with what the model's fit leaves out of its data: as its sections can follow in their
+    prior mean, where also motions feel it that are not measured, and the rest beside.
+    """
     data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
-    if data is None or data.A_inf is None or block is None:
+    if data is None or data.A_inf is None or data.omega.size < 2:
         return form
     omega, mean = np.array(data.omega), form.mean.copy()
     missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
-    basis = form.basis(form.mean, omega, block)
-    for number, (j, k) in enumerate(block.entries):
-        at = np.arange(mean.size)[block.numerator(number)]
-        used, values = form.std[at] > 0.0, 0.5 * (missing[:, j, k] + missing[:, k, j])
-        spread = form.std[at[used]]
-        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * spread
+    missing = 0.5 * (missing + missing.swapaxes(1, 2))
+    for number, (j, k) in enumerate(block.entries if block is not None else ()):
+        assert block is not None
+        basis, at = form.basis(form.mean, omega, block), np.arange(mean.size)[block.numerator(number)]
+        used = form.std[at] > 0.0
+        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
         # What the data hardly see, as beyond their band, stays zero.
-        mean[at[used]] = spread * np.linalg.lstsq(columns, np.r_[values.real, values.imag], rcond=0.01)[0]
-    return replace(form, mean=mean)
+        right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
+        mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
+    left = missing + form.K(form.mean, omega) - form.K(mean, omega)
+    return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 
 
-def _frequencies(model: Model, omega: ArrayLike | None) -> FloatArray:
-    if omega is not None:
-        grid = np.atleast_1d(np.array(omega, dtype=float))  # the caller's own may change
-        if grid.size == 0 or not (grid > 0.0).all() or not (np.diff(grid) > 0.0).all():
-            raise InputError("omega: positive ascending frequencies [rad/s] needed")
-        return grid
+def _asked_at(omega: ArrayLike | None) -> FloatArray | None:
+    """Return the frequencies asked for; InputError if they are none."""
+    try:
+        grid = None if omega is None else np.atleast_1d(np.array(omega, dtype=float))  # the caller's own may change
+    except (TypeError, ValueError):
+        grid = np.zeros(0)
+    if grid is not None and not (grid.ndim == 1 and grid.size and grid[0] > 0.0 and np.isfinite(grid).all()
+                                 and (np.diff(grid) > 0.0).all()):
+        raise InputError(f"omega: {omega!r}; positive ascending frequencies [rad/s] are needed")
+    return grid
+
+
+def _frequencies(model: Model) -> FloatArray:
     if model.hydro is not None:
         return np.array(model.hydro.omega)
     stiffness, inertia = np.abs(np.diag(model.C)), np.diag(model.M + model.A_inf)

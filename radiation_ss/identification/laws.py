@@ -4,6 +4,8 @@ A fit of radiation puts most of a quadratic drag, of a damper, or of a stiffness
 other parameters and the rest down to a random force, so that its residuals look healthy. Score (Lagrange multiplier)
 tests ask instead for the one shape that the departure would have, with all other parameters free: -c v, -c v|v|,
 -c v/|v| and -c x^3, with x and v as the model's own filter has them, and of the same motion of two bodies -c (v1 - v2).
+A recorded force of a wrong size asks for mass, stiffness and radiation of that size, a late one for less damping: what
+is missing is c f, and f(t + c) - f(t).
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,9 +25,10 @@ from radiation_ss.records.signals import filled
 DAMPING, RELATIVE = "linear damping", "relative damping"  # of a motion, and between the same motion of two bodies
 LINEAR = (DAMPING, RELATIVE)
 DRAG, FRICTION = "quadratic drag", "dry friction"
+GAIN, LATE = FORCE = "force gain", "late force"  # of the recorded force: it is 1 / (1 + c) of the true one, c later
 UNITS = {**dict.fromkeys(LINEAR, ("N s/m", "N m s/rad")),
          DRAG: ("N s^2/m^2", "N m s^2/rad^2"), "cubic stiffness": ("N/m^3", "N m/rad^3"),
-         FRICTION: ("N", "N m")}
+         FRICTION: ("N", "N m"), GAIN: ("of the recorded force",) * 2, LATE: ("s", "s")}
 
 
 def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float = 0.1, ratio: float = 0.1,
@@ -33,14 +36,14 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
     """Return the laws of each degree of freedom along the filtered motion; their force peaks at the force's scale.
 
     That of damping makes the damping ratio `ratio`. Friction is rounded below the share `onset` of the velocity's rms.
-    Gaps of up to `bridge` periods are filled; a motion with longer ones has no laws.
+    Gaps of up to `bridge` periods are filled; a motion with longer ones has no laws but those of the recorded force.
     """
     channels, out, velocities = part.channels, list[Law](), dict[str, FloatArray]()
     period = channels.period / channels.dt
     filtered = np.stack([filled(column, int(bridge * period), int(3 * bridge * period))
                          for column in part.filtered(u, v).T], axis=1)
     if not np.isfinite(filtered).all():
-        return out
+        return list(recorded_laws(part, v))
     for j, dof in enumerate(part.model.dofs):
         order = {int(channels.derivative[i]): i for i in np.flatnonzero(channels.dof == j)}
         shapes = dict[str, FloatArray]()
@@ -66,7 +69,26 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
         along = direction(part.model.dofs, taken_apart(name)[1])
         coefficient = ratio * float(critical[along != 0.0].min())
         out.append(Law(name, -coefficient * np.outer(moving @ along, along), coefficient))
-    return out
+    return [*out, *recorded_laws(part, v)]
+
+
+def recorded_laws(part: MotionLikelihood, v: FloatArray) -> Iterator[Law]:
+    """Yield the gain of each recorded force, and the delay of all of them, exact at the delay that is in v."""
+    pushed = np.flatnonzero(part.force.any(axis=0))
+    if part.wave is not None or pushed.size == 0:
+        return
+    name = f"{LATE} [{','.join(part.model.dofs[j] for j in pushed)}]"
+    delay = next((law.unit * at for law, at in zip(part.laws, v[part.first_law:]) if law.name == name), 0.0)
+    time, curve = part.channels.time, CubicSpline(part.channels.time, part.force)
+    force = curve(np.clip(time + delay, *time[[0, -1]]))
+    missing = (force - part.force) / delay if abs(delay) > 1e-3 * part.channels.dt else curve(time, 1)
+    largest = np.maximum(np.abs(missing).max(axis=0), 1e-300)
+    coefficient = float(np.min((part.force_scale / largest)[pushed]))
+    yield Law(name, coefficient * missing, coefficient)
+    for j in pushed:
+        coefficient = float(part.force_scale[j]) / float(np.abs(part.force[:, j]).max())
+        own = np.arange(part.model.n) == j
+        yield Law(f"{GAIN} [{part.model.dofs[j]}]", coefficient * force * own, coefficient)
 
 
 def dampers(dofs: Sequence[str]) -> list[str]:
@@ -154,7 +176,8 @@ def law_warnings(tests: dict[str, dict[str, float]], laws: Sequence[str], done: 
     """Yield a warning for each law that the records ask for, with what was done about it."""
     for name in laws:
         kind, dof = taken_apart(name)
-        what = "waves do not carry away all damping" if kind in LINEAR else "the body does not look linear"
+        what = ("waves do not carry away all damping" if kind in LINEAR else
+                "the recorded force does not fit the motion" if kind in FORCE else "the body does not look linear")
         yield (f"{what}: the records ask for {name} of {tests[name]['estimate']:.3g} +- "
                f"{tests[name]['std']:.2g} {UNITS[kind][mode(dof) in ROTATIONS]} (p = {tests[name]['p']:.2g}); {done}: "
                "run diagnose")

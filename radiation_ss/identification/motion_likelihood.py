@@ -16,7 +16,8 @@ from radiation_ss.identification.channels import Channels
 from radiation_ss.identification.force import WaveForce
 from radiation_ss.inference.kalman import innovations, log_likelihood
 from radiation_ss.inference.parameters import Parametrisation
-from radiation_ss.records.signals import middle
+from radiation_ss.inference.remainder import Remainder
+from radiation_ss.records.signals import filled, middle
 from radiation_ss.simulation.start import coupled
 
 
@@ -66,6 +67,7 @@ class MotionLikelihood:
     laws: tuple[Law, ...] = ()
     wave: WaveForce | None = None  # How the force follows from the elevation, where it does
     rules: NoiseRules = NoiseRules()
+    beside: FloatArray | float = 0.0  # (nt, n): Known force along the motion, of what is no part of the subsystem
 
     @property
     def first_law(self) -> int:
@@ -81,6 +83,7 @@ class MotionLikelihood:
         """Return the force (nt, n) for parameters u and nuisance parameters v."""
         at = self.first_law
         force = self.force if self.wave is None else self.wave.force(self.form, u, v[at + len(self.laws):])
+        force = force + self.beside
         for strength, law in zip(v[at:], self.laws):
             force = force + strength * law.force
         return force
@@ -261,8 +264,27 @@ def motion_likelihoods(model: Model, form: Parametrisation, channels: Channels, 
                       D=model.D[square])
         own = replace(channels.pick(pick), dof=np.searchsorted(dofs, channels.dof[pick]))
         waves = None if wave is None else replace(wave, haskind=wave.haskind.part(dofs))
-        out.append(MotionLikelihood(small, part, own, force[:, dofs], wave=waves))
+        out.append(MotionLikelihood(small, part, own, force[:, dofs], wave=waves,
+                                    beside=force_beside(part.beside, own)))
     return out
+
+
+def force_beside(beside: Remainder | None, channels: Channels, bridge: float = 0.5) -> FloatArray | float:
+    """Return the force (nt, n) of what a subsystem leaves out, by the measured motion, at rest before the record.
+
+    Gaps of up to `bridge` periods are filled; in longer ones, and by motions that are not measured, there is none.
+    """
+    if beside is None:
+        return 0.0
+    seen, length = channels.one_each(), channels.y.shape[0]
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(2 * length, channels.dt), dtype=np.float64)
+    gap, s = int(bridge * channels.period / channels.dt), 1j * np.maximum(omega, 1e-9)
+    velocity = np.zeros((omega.size, beside.K.shape[1]), dtype=np.complex128)
+    for column, dof, derivative in zip(seen.y.T, seen.dof, seen.derivative):
+        y = np.nan_to_num(filled(column, gap, 3 * gap))
+        velocity[:, dof] = s ** (1.0 - derivative) * np.fft.rfft(y - (y[0] if derivative == 0 else 0.0), 2 * length)
+    force = np.einsum("wjk,wk->wj", beside.at(omega), velocity * (omega > 0.0)[:, None])
+    return np.asarray(-np.fft.irfft(force, 2 * length, axis=0)[:length], dtype=np.float64)
 
 
 def uncoupled(model: Model, least: float = 1e-3) -> list[list[int]]:

@@ -1,13 +1,13 @@
 """What each identification method is given (options, model, prior, records) and hands back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray, is_number
 from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
@@ -17,12 +17,26 @@ from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import PointLikelihood, Points
 from radiation_ss.records.record import Record
 
+NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
+    ("draws", lambda value: is_number(value, whole=True) and value >= 20, "a whole number, at least 20, is needed"),
+    ("most_laws", lambda value: is_number(value, whole=True) and value >= 0, "a whole number, 0 or more, is needed"),
+    ("beyond", lambda value: is_number(value) and 0.0 <= value < np.inf, "a number, 0 or more, is needed"),
+    ("point_tolerance", lambda value: is_number(value) and 0.0 < value < np.inf, "a number above 0 is needed"),
+    ("hopeless contradiction doubt", lambda value: is_number(value) and value > 0.0, "a number above 0 is needed"),
+    ("least_passive nonlinear nonlinear_elevation misfit", lambda value: is_number(value) and 0.0 <= value <= 1.0,
+     "a number from 0 to 1 is needed"))
 TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.05, "sensor": 0.005}
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Options of `identify` beside its arguments."""
+    """Options of `identify` beside its arguments.
+
+    Raises
+    ------
+    InputError
+        On one that is not usable.
+    """
 
     # Relative standard deviations of what the model states: one number, or by name. "mass", "A_inf", "stiffness", 0.02;
     # "force" (X): 0.05; "kernel" (what the model's order leaves out of K): 0.01 or the fit's own error if that is
@@ -44,11 +58,18 @@ class Settings:
     # taken into the model
     nonlinear: float = 0.04
     nonlinear_elevation: float = 6e-7
-    most_laws: int = 2
+    most_laws: int = 3
     misfit: float = 1e-4  # Chance of a false warning about prediction errors that noise does not explain
     # Of the dual filter: as printed, with Q_theta, Q_state, Q_force, R and `units` as `DualEnKF` takes them
     preset: str | None = None
     filter: Mapping[str, Any] = field(default_factory=dict)  # More options of `DualEnKF`
+
+    def __post_init__(self) -> None:
+        for names, good, needed in NUMBERS:
+            for name in names.split():
+                if not good(value := getattr(self, name)):
+                    raise InputError(f"{name}: {value!r}; {needed}")
+        _ = self.tolerances     # refuses what is none
 
     @property
     def tolerances(self) -> dict[str, float]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.inference.remainder import Remainder
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,7 @@ class Parametrisation:
     tail: float = 0.5
     # (d_theta, d_theta): Root of the prior covariance of the parameters of theta that may move; independent without it
     root: FloatArray | None = None
+    beside: Remainder | None = None  # What the model's data have of K beside all this, as known as they are
 
     @cached_property
     def active(self) -> NDArray[np.int64]:
@@ -74,8 +76,8 @@ class Parametrisation:
 
     @property
     def own(self) -> "Parametrisation":
-        """The parametrisation without the small terms for what the model's order leaves out, on the same theta."""
-        return replace(self, blocks=tuple(block for block in self.blocks if not block.rest))
+        """The parametrisation without what the model's order leaves out, on the same theta."""
+        return replace(self, blocks=tuple(block for block in self.blocks if not block.rest), beside=None)
 
     def nominal_change(self, u: FloatArray) -> FloatArray:
         """Return the relative changes of the nominal numbers, shape (..., number of them)."""
@@ -131,7 +133,7 @@ class Parametrisation:
                                       places=tuple(block.places[e] for e in keep)))
         nominal = tuple((kind, where.get(j, -1), tolerance, at) for kind, j, tolerance, at in self.nominal)
         return replace(self, dofs=tuple(self.dofs[j] for j in dofs), A_inf=self.A_inf[np.ix_(dofs, dofs)],
-                       blocks=tuple(blocks), nominal=nominal)
+                       blocks=tuple(blocks), nominal=nominal, beside=self.beside and self.beside.part(list(dofs)))
 
     @property
     def involved(self) -> NDArray[np.bool_]:
@@ -212,6 +214,8 @@ class Parametrisation:
         w = np.atleast_1d(np.asarray(omega, dtype=float))
         n = len(self.dofs)
         K = np.zeros((*theta.shape[:-1], w.size, n, n), dtype=complex)
+        if self.beside is not None:
+            K += self.beside.at(w)
         for block in self.blocks:
             basis = self.basis(theta, w, block)
             for number, (j, k) in enumerate(block.entries):

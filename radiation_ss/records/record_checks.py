@@ -13,6 +13,7 @@ from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.columns import SUFFIXES, split
 from radiation_ss.records.faults import FAULTS, clipped, faults, logged_again
+from radiation_ss.records.marks import without_marks
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import RATES
 from radiation_ss.units import KNOT
@@ -44,24 +45,15 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
     if (step := float(np.ptp(record.time)) / record.time.size) < shortest_step:
         found.append(f"time [s]: a sample every {step:.3g} s; is the time in days, as in a spreadsheet? Its header is "
                      "then `time [d]`")
-    for name, values in whole.channels.items():
+    for name in whole.channels:
+        said, values = without_marks(whole, name)
         there = values[np.isfinite(values)]
-        marks = list(_marks_of_missing(there))
-        found += [f"{name}: {count} samples of {level:g}, far from all others; does it stand for missing ones? Leave "
-                  "such cells empty" for level, count in marks]
-        found += _channel(name, there[~np.isin(there, [level for level, _ in marks])], most, record.kind == "static")
-        found += _zero(name, there, record.kind)
+        found += [*said, *_channel(name, there, most, record.kind == "static"), *_zero(name, there, record.kind)]
+        if said:
+            record = record.with_channels(**{name: values[:record.time.size]})
     for dof in record.dofs:
         found += signals.column_conflicts(record, dof, rows) or signals.column_doubts(record, dof)
     return tuple(found)
-
-
-def _marks_of_missing(values: FloatArray, far: float = 8.0, most: int = 16) -> Iterator[tuple[float, int]]:
-    """Yield value and count of an extreme that recurs, `far` times the range of `most` others or more away: -999."""
-    levels, counts = np.unique(values, return_counts=True)
-    for end, beside, rest in ((0, 1, levels[1:]), (-1, -2, levels[:-1])):
-        if rest.size >= most and counts[end] > 1 and abs(levels[end] - levels[beside]) > far * np.ptp(rest):
-            yield float(levels[end]), int(counts[end])
 
 
 def _zero(name: str, values: FloatArray, kind: str, far: float = 10.0, g: float = 9.81) -> Iterator[str]:

@@ -69,7 +69,7 @@ def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
     """
     force = record.get("force", model.dofs)
     free = any(model.C[i, i] == 0.0 and signals.columns_of(record, dof) for i, dof in enumerate(model.dofs))
-    if free or force is None or np.nansum(np.abs(force)) > 0.0:
+    if free or force is None or not np.isfinite(force).any() or np.nansum(np.abs(force)) > 0.0:
         return
     poles = np.linalg.eigvals(model.matrices()[0])
     slowest = float(np.min(-poles[poles.imag != 0.0].real, initial=np.inf))

@@ -17,7 +17,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import ROTATIONS, HydroData, body, mode
 from radiation_ss.hydro.readers.assemble import assemble, bodies, common_point, constants
-from radiation_ss.reading import check_size, decoded
+from radiation_ss.reading import check_size, decoded, is_text
 from radiation_ss.units import plain_unit
 
 if TYPE_CHECKING:
@@ -38,6 +38,10 @@ def read(path: Path, **given: float) -> HydroData:
 
     def whole() -> xr.Dataset:
         content = path.read_bytes()
+        if not content.startswith((b"\x89HDF", b"CDF", b"\x1f\x8b")):
+            raise InputError(f"{path}: is text, not netCDF; a dataset of Capytaine's form is needed (other programs' "
+                             "text files are told by the ends of their names)" if is_text(content) else
+                             f"{path}: not a readable netCDF dataset (neither netCDF nor HDF5 by its first bytes)")
         if content.startswith(b"\x89HDF"):
             check_size(path)
         # From memory: xarray would keep a damaged file open, and locked.
