@@ -268,3 +268,27 @@ def test_a_constant_force_is_corrected_by_what_the_sentence_says(kind, constant)
     assert "with the first" in found.sentence
     alone = rss.diagnose(model, record, effects=["linear_stiffness"])
     assert "none of them being corrected" in alone.sentence and not alone.corrected.effects
+
+
+@pytest.mark.parametrize(("load", "drag"), [(0.0, 0.0), (0.1, 0.0), (2.0, 0.0), (0.5, 20.0)])
+def test_a_steady_load_that_carries_a_free_body_away_is_told_with_its_size(load, drag):
+    """By SciPy's integrator. It was a tolerance of the force's zero, and no gap, with metres of drift."""
+    time, rng = np.arange(0.0, 40.0, 0.02), np.random.default_rng(1)
+    omega, phase = rng.uniform(1.0, 6.0, 15), rng.uniform(0.0, 6.28, 15)
+
+    def force(t):
+        return 8.0 * np.cos(np.multiply.outer(t, omega) + phase).sum(axis=-1)
+
+    x = solve_ivp(lambda t, s: [s[1], (force(t) - 4.0 * s[1] - drag * s[1] * abs(s[1]) + load) / 80.0], time[[0, -1]],
+                  [0.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-11, max_step=0.05).y[0]
+    record = rss.Record(time, {"Surge": x + 2e-4 * rng.standard_normal(time.size), "Surge_force": force(time)},
+                        kind="forced")
+    model = rss.body(dof="Surge", mass=60.0, added_mass=20.0).attached(damping={"Surge": 4.0})
+    found = rss.diagnose(model, record)
+    assert (found.verdict.status == "no_gap") == (load == 0.0)
+    assert [e.name for e in found.verdict.effects] == ["quadratic_drag"] * (drag > 0.0)
+    sizes = {e.name: e.values for e in found.corrected.effects}
+    assert sorted(sizes) == ["constant_force"] * (load > 0.0) + ["quadratic_drag"] * (drag > 0.0)
+    if load:
+        assert sizes["constant_force"]["force"] == pytest.approx(load, rel=0.05)
+        assert found.how_far.gap_after < 0.05 * found.how_far.gap_before
