@@ -23,7 +23,17 @@ from radiation_ss.diagnosis.account import (
     predictable,
     retried,
 )
-from radiation_ss.diagnosis.left import Remainder, left_by, remainder, share_left, unit_of
+from radiation_ss.diagnosis.left import (
+    Remainder,
+    all_right,
+    least_beside,
+    left_by,
+    off_zero,
+    put_right,
+    remainder,
+    share_left,
+    unit_of,
+)
 from radiation_ss.diagnosis.prediction import Error, Predictor, gap_of
 from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
@@ -41,7 +51,6 @@ from radiation_ss.diagnosis.sets import (
 )
 from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
 from radiation_ss.diagnosis.where import where
-from radiation_ss.diagnosis.zeros import all_right, least_beside, off_zero, put_right
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, from_regression

@@ -1,4 +1,6 @@
-"""What the best set leaves: a force beyond noise and tolerances, and whether it is slow against the motion."""
+"""What the best set leaves: a force beyond noise and tolerances, whether it is slow against the motion; zeros that are
+off, put right by the first effect that makes them so.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,10 +9,11 @@ import numpy as np
 from scipy.stats import kurtosis
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.diagnosis.account import Data, Fitted, carried
+from radiation_ss.diagnosis.account import Data, Fitted, carried, numbers
 from radiation_ss.diagnosis.prediction import cosines, energy, without_slow
 from radiation_ss.diagnosis.result import Named
 from radiation_ss.diagnosis.rules import Rules
+from radiation_ss.diagnosis.sets import zeros
 from radiation_ss.diagnosis.shares import DRIFT, Budget
 from radiation_ss.effects import effect_named
 from radiation_ss.effects.definition import slab
@@ -22,6 +25,7 @@ from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise, projected
+from radiation_ss.inference.search import Found, solve_set
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.headings import computed
 
@@ -170,6 +174,38 @@ def share_left(pair: Fitted, ledger: Budget, fitted: Sequence[Record],
         return ledger.unexplained
     kept = energy(without_slow(best, slow)).sum()
     return float((rest + kept) / max(ledger.before**2 + energy(given).sum(), 1e-300))
+
+
+def least_beside(closed: FloatArray, rules: Rules) -> float:
+    """Return how much of the motion a zero that is off, or a slow force, accounts for at least to be told."""
+    return max(rules.matters, float(np.sqrt(rules.matters) * np.linalg.norm(closed)))
+
+
+def off_zero(found: Found, pair: Fitted, closed: FloatArray, ledger: Budget, rules: Rules) -> list[str]:
+    """Return the degrees of freedom where a zero is off by what matters, or in some record by more than is allowed."""
+    least, names = least_beside(closed, rules), zeros()
+    sized = {active.dof for active, size in zip(pair.best.effects, closed) if active.name in names and size >= least}
+    chance = {dof: sum(p for c, p in zip(found.candidates, found.probabilities())
+                       if any(a in names and at == dof for a, at, _ in c.keys)) for dof in sized}
+    return [dof for dof in found.problem.model.dofs
+            if chance.get(dof, 0.0) >= rules.sure or ledger.constant.get(dof, 0.0) >= rules.discrepancy.offset]
+
+
+def put_right(found: Found, pair: Fitted, off: Sequence[str], data: Data, rules: Rules) -> Fitted:
+    """Return the best set with the first effect by which each zero may be off, one for all records, beside it."""
+    names, known = zeros(), {(t.key[0], t.key[1]): t for t in found.terms}
+    there = {dof for name, dof, _ in pair.candidate.keys if name in names}
+    terms = [known[names[0], dof] for dof in off if dof not in there and (names[0], dof) in known]
+    if not terms:
+        return pair
+    sizes = pair.candidate.posterior.sizes
+    candidate = solve_set(found.problem, [*pair.candidate.terms, *terms], sizes, rules.search)
+    return Fitted(numbers(found.problem, candidate, data.tolerated, rules), candidate, pair.errors)
+
+
+def all_right(ledger: Budget, off: Sequence[str], rules: Rules) -> bool:
+    """Whether no zero is off any more on unseen records."""
+    return all(ledger.constant.get(dof, 0.0) < rules.discrepancy.offset for dof in off)
 
 
 def unit_of(form: str, dof: str, other: str) -> str:
