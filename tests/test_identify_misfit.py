@@ -349,6 +349,29 @@ def test_an_accelerometer_tells_as_much_as_a_displacement():
         assert abs(row["mean"]) < 3.0 * max(row["std"], 0.1 * row["prior_std"])
 
 
+@pytest.mark.parametrize("load", [0.0, 0.5])
+def test_a_free_surge_is_identified_however_far_it_drifts(load):
+    """By SciPy's integrator, metres away from where it began: it was refused, of one period of the motion."""
+    fit = rss.RadiationFit(("Surge",), [[0.0, 1.0], [-9.0, -2.4]], [[0.0], [1.0]], [[0.0, 60.0]], order=2)
+    model, rng, time = rss.Model(("Surge",), [[60.0]], [[20.0]], [[0.0]], fit), np.random.default_rng(1), np.arange(
+        0.0, 60.0, 0.05)
+    omega, phase = rng.uniform(1.5, 6.0, 25), rng.uniform(0.0, 6.28, 25)
+
+    def force(t):
+        return 6.0 * np.cos(np.multiply.outer(t, omega) + phase).sum(axis=-1)
+
+    def rate(t, s):
+        return [s[1], -9.0 * s[0] - 2.4 * s[1] + s[3], s[3], (force(t) + load - 66.0 * s[1]) / 80.0]
+
+    surge = solve_ivp(rate, time[[0, -1]], np.zeros(4), t_eval=time, rtol=1e-9, atol=1e-11, max_step=0.05).y[2]
+    record = Record(time, {"Surge": surge + 1e-3 * rng.standard_normal(time.size), "Surge_force": force(time)},
+                    kind="forced")
+    found = identify(model, record, "prediction-error", omega=np.linspace(1.5, 6.0, 20), draws=200)
+    B = 1.1 * fit.frequency_response(found.omega).real
+    assert np.ptp(surge) > 3.0 * (load > 0.0)
+    assert np.mean((found.B.lower < B) & (B < found.B.upper)) > 0.85
+
+
 def test_a_damper_between_two_bodies_is_found():
     """A power take-off between bodies that a spring couples; by SciPy's integrator."""
     one, rng, spring, damper = tank(), np.random.default_rng(3), 60.0, 20.0

@@ -31,6 +31,7 @@ class Channels:
     dof: NDArray[np.int64]
     derivative: NDArray[np.int64]
     labels: tuple[str, ...]
+    drifts: NDArray[np.bool_] | None = None  # (p,): Which are displacements that nothing restores; none without it
 
     @property
     def count(self) -> int:
@@ -49,8 +50,17 @@ class Channels:
 
     @property
     def power(self) -> FloatArray:
-        """Periodogram of each channel over its rms, Hann window, missing samples zero, shape (nk, p)."""
-        filled = np.nan_to_num(self.y) / self.rms
+        """Periodogram of each channel over its rms, Hann window, missing samples zero, shape (nk, p).
+
+        Of a displacement that drifts, that of its rate about a straight line: how far a steady load took it, and where
+        it was pushed off to, say nothing of how it moves.
+        """
+        from scipy.signal import detrend
+
+        filled = np.nan_to_num(self.y)
+        if self.drifts is not None and self.drifts.any():
+            filled[:, self.drifts] = detrend(np.gradient(filled[:, self.drifts], self.dt, axis=0), axis=0)
+        filled = filled / np.maximum(filled.std(axis=0), 1e-300)
         return np.asarray(np.abs(np.fft.rfft(filled * np.hanning(filled.shape[0])[:, None], axis=0)) ** 2)
 
     @property
@@ -72,7 +82,8 @@ class Channels:
     def pick(self, which: NDArray[np.int64]) -> "Channels":
         """Return some of the channels."""
         return replace(self, y=self.y[:, which], dof=self.dof[which], derivative=self.derivative[which],
-                       labels=tuple(self.labels[i] for i in which))
+                       labels=tuple(self.labels[i] for i in which),
+                       drifts=None if self.drifts is None else self.drifts[which])
 
     def one_each(self) -> "Channels":
         """Return the channel of lowest derivative of each degree of freedom."""
@@ -105,7 +116,7 @@ def motion_channels(model: Model, record: Record, least_periods: float = 2.0) ->
     if record.kind != "decay":
         y = y - np.nanmean(y, axis=0)
     channels = Channels(record.name, start, dt, y, np.array([j for j, _ in pick]), np.array([q for _, q in pick]),
-                        labels)
+                        labels, np.array([q == 0 and model.C[j, j] == 0.0 for j, q in pick]))
     if record.kind != "decay" and count * dt < least_periods * channels.period:
         raise InputError(f"record {record.name}: {count * dt:.3g} s hold {count * dt / channels.period:.1f} periods of "
                          f"the motion; at least {least_periods:g} are needed")
@@ -125,7 +136,7 @@ def thinned(channels: Channels, force: FloatArray, samples: int = 16, trim: int 
     relation survives a filter on both its sides; noise far above the motion goes, which a model of white errors would
     explain by the body. So do `trim` thinned samples at each end.
     """
-    driven = replace(channels, y=force[:, force.std(axis=0) > 0.0])
+    driven = replace(channels, y=force[:, force.std(axis=0) > 0.0], drifts=None)
     fastest = min(channels.period, driven.period if driven.y.size else np.inf)
     factor = int(fastest / channels.dt / samples)
     if factor < 2 or not np.isfinite(channels.y).all() or channels.y.shape[0] < 10 * trim * factor:
