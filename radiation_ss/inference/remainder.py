@@ -20,10 +20,19 @@ class Remainder:
     def _curves(self) -> PchipInterpolator:
         return PchipInterpolator(self.omega, np.stack([self.K.real, self.K.imag]), axis=1, extrapolate=False)
 
-    def at(self, omega: FloatArray) -> ComplexArray:
-        """Return the values at frequencies [rad/s], shape (nw, n, n)."""
-        real, imag = np.nan_to_num(self._curves(omega))
-        return np.asarray(real + 1j * imag, dtype=np.complex128)
+    @cached_property
+    def _known(self) -> dict[bytes, ComplexArray]:
+        return {}
+
+    def at(self, omega: FloatArray, kept: int = 20) -> ComplexArray:
+        """Return the values at frequencies [rad/s], shape (nw, n, n); those of the last few sets of them are kept."""
+        key = np.asarray(omega, dtype=np.float64).tobytes()
+        if key not in self._known:
+            if len(self._known) >= kept:
+                self._known.clear()
+            real, imag = np.nan_to_num(self._curves(omega))
+            self._known[key] = np.asarray(real + 1j * imag, dtype=np.complex128)
+        return self._known[key]
 
     def part(self, dofs: list[int]) -> "Remainder":
         """Return that of some degrees of freedom."""
