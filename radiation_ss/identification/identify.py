@@ -33,6 +33,7 @@ from radiation_ss.inference.prior import parametrise, relative_spread
 from radiation_ss.inference.remainder import Remainder
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.methods import accepting
+from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.marks import check_no_codes
 from radiation_ss.records.record import Record
@@ -83,6 +84,7 @@ def by_dual_filter(study: Study) -> Findings:
 
 
 @accepting(model=lambda given: as_model(opened(given)), records=as_records)
+@on_one_core
 def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record], method: str = "spectral",
              prior: float = 0.15, points: Points | None = None, seed: int = 0, *, omega: ArrayLike | None = None,
              **options: Any) -> Identification:
