@@ -90,6 +90,18 @@ def is_number(value: Any, *, whole: bool = False) -> bool:
     return isinstance(value, kinds) and not isinstance(value, bool)
 
 
+def check_numbers(settings: object, table: Iterable[tuple[str, Callable[[Any], bool], str]]) -> None:
+    """Raise InputError for a field of settings that is no number, or not one as needed.
+
+    `table`: names of fields, with a space between, whether a value of theirs is good, and what is needed.
+    """
+    for names, good, needed in table:
+        for name in names.split():
+            value = getattr(settings, name)
+            if not is_number(value) or not good(value):
+                raise InputError(f"{name}: {value!r}; {needed}")
+
+
 class FrozenMap(Mapping[K, V]):
     """A mapping that cannot be changed and can be pickled, for fields of frozen dataclasses."""
 

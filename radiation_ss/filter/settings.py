@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, generator, is_number
+from radiation_ss.arrays import ComplexArray, FloatArray, check_numbers, generator, is_number
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.inference.points import Points, point_values
@@ -86,11 +86,7 @@ class FilterSettings:
                 raise InputError(f"{name}: {getattr(self, name)!r} is unknown; use one of "
                                  + ", ".join(map(repr, allowed)))
         generator(self.seed)
-        for names, good, needed in NUMBERS:
-            for name in names.split():
-                value = getattr(self, name)
-                if not is_number(value) or not good(value):
-                    raise InputError(f"{name}: {value!r}; {needed}")
+        check_numbers(self, NUMBERS)
         if np.any(np.asarray(self.prior, dtype=float) < 0.0):
             raise InputError("prior: a relative standard deviation cannot be negative")
 

@@ -55,10 +55,10 @@ class Channels:
         Of a displacement that drifts, that of its rate about a straight line: how far a steady load took it, and where
         it was pushed off to, say nothing of how it moves.
         """
-        from scipy.signal import detrend
-
         filled = np.nan_to_num(self.y)
         if self.drifts is not None and self.drifts.any():
+            from scipy.signal import detrend
+
             filled[:, self.drifts] = detrend(np.gradient(filled[:, self.drifts], self.dt, axis=0), axis=0)
         filled = filled / np.maximum(filled.std(axis=0), 1e-300)
         return np.asarray(np.abs(np.fft.rfft(filled * np.hanning(filled.shape[0])[:, None], axis=0)) ** 2)

@@ -256,14 +256,15 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
     omega, mean = np.array(data.omega), form.mean.copy()
     missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
     missing = 0.5 * (missing + missing.swapaxes(1, 2))
-    for number, (j, k) in enumerate(block.entries if block is not None else ()):
-        assert block is not None
-        basis, at = form.basis(form.mean, omega, block), np.arange(mean.size)[block.numerator(number)]
-        used = form.std[at] > 0.0
-        columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
-        # What the data hardly see, as beyond their band, stays zero.
-        right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
-        mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
+    if block is not None:
+        basis = form.basis(form.mean, omega, block)
+        for number, (j, k) in enumerate(block.entries):
+            at = np.arange(mean.size)[block.numerator(number)]
+            used = form.std[at] > 0.0
+            columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
+            # What the data hardly see, as beyond their band, stays zero.
+            right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
+            mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
     left = missing + form.K(form.mean, omega) - form.K(mean, omega)
     return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray, is_number
+from radiation_ss.arrays import ComplexArray, FloatArray, check_numbers, is_number
 from radiation_ss.body.model import Model, checked_tolerance
 from radiation_ss.errors import InputError
 from radiation_ss.fit.certificate import PASSIVE
@@ -20,10 +20,10 @@ from radiation_ss.records.record import Record
 NUMBERS: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
     ("draws", lambda value: is_number(value, whole=True) and value >= 20, "a whole number, at least 20, is needed"),
     ("most_laws", lambda value: is_number(value, whole=True) and value >= 0, "a whole number, 0 or more, is needed"),
-    ("beyond", lambda value: is_number(value) and 0.0 <= value < np.inf, "a number, 0 or more, is needed"),
-    ("point_tolerance", lambda value: is_number(value) and 0.0 < value < np.inf, "a number above 0 is needed"),
-    ("hopeless contradiction doubt", lambda value: is_number(value) and value > 0.0, "a number above 0 is needed"),
-    ("least_passive nonlinear nonlinear_elevation misfit", lambda value: is_number(value) and 0.0 <= value <= 1.0,
+    ("beyond", lambda value: 0.0 <= value < np.inf, "a number, 0 or more, is needed"),
+    ("point_tolerance", lambda value: 0.0 < value < np.inf, "a number above 0 is needed"),
+    ("hopeless contradiction doubt", lambda value: value > 0.0, "a number above 0 is needed"),
+    ("least_passive nonlinear nonlinear_elevation misfit", lambda value: 0.0 <= value <= 1.0,
      "a number from 0 to 1 is needed"))
 TOLERANCES = {"mass": 0.02, "A_inf": 0.02, "stiffness": 0.02, "kernel": 0.01, "force": 0.05, "sensor": 0.005}
 
@@ -65,10 +65,7 @@ class Settings:
     filter: Mapping[str, Any] = field(default_factory=dict)  # More options of `DualEnKF`
 
     def __post_init__(self) -> None:
-        for names, good, needed in NUMBERS:
-            for name in names.split():
-                if not good(value := getattr(self, name)):
-                    raise InputError(f"{name}: {value!r}; {needed}")
+        check_numbers(self, NUMBERS)
         _ = self.tolerances     # refuses what is none
 
     @property
