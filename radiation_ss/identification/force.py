@@ -7,6 +7,7 @@ spectrum is written as a shaping filter), so that the spectrum needs no rational
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
@@ -53,9 +54,26 @@ class WaveForce:
         """Return the force (nt, n)."""
         n = self.haskind.X.shape[1]
         parts = self.error * (v.reshape(2 * n, -1) @ self.bumps)
-        X = self.haskind.exciting_force(np.einsum("wjj->wj", form.K(form.theta(u), self.omega).real))
-        moved = self.spectrum[:, None] * X * (np.exp(parts[:n] + 1j * parts[n:]).T * form.gain("force", u))
+        moved = self._of_body(form, u) * (np.exp(parts[:n] + 1j * parts[n:]).T * form.gain("force", u))
         return np.asarray(np.fft.irfft(moved, 2 * self.samples, axis=0)[self.trim:self.samples - self.trim])
+
+    @cached_property
+    def _last(self) -> list[tuple[Parametrisation, bytes, ComplexArray]]:
+        return []
+
+    def _of_body(self, form: Parametrisation, u: FloatArray) -> ComplexArray:
+        """Return the force's coefficients (nw, n) but for the gain and the error; the last body's are kept.
+
+        Most of a likelihood's slopes are at one body.
+        """
+        key = u.tobytes()
+        for known, at, found in self._last:
+            if known is form and at == key:
+                return found
+        X = self.haskind.exciting_force(np.einsum("wjj->wj", form.K(form.theta(u), self.omega).real))
+        made = np.asarray(self.spectrum[:, None] * X)
+        self._last[:] = [(form, key, made)]
+        return made
 
 
 def wave_force(model: Model, form: Parametrisation, elevation: FloatArray, dt: float, frequency: float, error: float,
