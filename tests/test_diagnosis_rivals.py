@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
+from seeds import some
 
 import radiation_ss as rss
 from radiation_ss.diagnosis import Grounds, Named, verdict
@@ -75,7 +76,7 @@ def test_a_large_delay_is_one_delay(delay):
     assert abs(value - late) < 2.0 * deviation
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_delay_of_all_motions_is_one_effect(seed):
     rng, late, omega = np.random.default_rng(seed), 0.08, np.linspace(0.8, 4.5, 60)
     waves = np.exp(1j * rng.uniform(0.0, 6.28, (2, 60)))
@@ -189,7 +190,7 @@ def test_effects_that_close_a_gap_against_each_other_are_unknown():
     assert verdict(grounds, SimpleNamespace(probabilities=lambda: [0.9]), ["Roll"]) == ("unknown_effect", 0.55, ())
 
 
-@pytest.mark.parametrize("seed", [2, 4])
+@pytest.mark.parametrize("seed", some([2, 4]))
 def test_a_pendulum_on_video_keeps_its_softening_where_damping_is_as_likely_to_be_there_as_not(seed):
     """55 degrees, 26 swings: without the damping that a single swing hardly shows any restoring slips out of phase."""
     length, weight = 0.334, 0.015 * 9.81
@@ -204,7 +205,7 @@ def test_a_pendulum_on_video_keeps_its_softening_where_damping_is_as_likely_to_b
     assert all("cubic_stiffness" in names for names in told)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_stiffening_mooring_is_seen_beside_a_drift_force_that_makes_most_of_the_gap(seed):
     """Slow surge in waves: what no effect explains is a share of what the mooring holds, not of the waves' force."""
     rng, inertia, t = np.random.default_rng(seed), 2.26e7, np.arange(0.0, 2400.0, 0.5)
@@ -226,7 +227,7 @@ def test_a_stiffening_mooring_is_seen_beside_a_drift_force_that_makes_most_of_th
     assert abs(value - 120.0) < 3.0 * std < 60.0
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_drag_beside_a_model_with_too_much_linear_damping_is_two_numbers_of_one_curve(seed):
     inertia, stiffness, t = 3.0, 12.0, np.arange(0.0, 60.0, 0.05)
     records = []
