@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_tank import jonswap
+from seeds import some
 from test_identify_known import sway_roll
 
 from radiation_ss import HydroData, Model, Record, identify
@@ -62,7 +63,7 @@ def test_slopes_by_the_errors_of_X_are_those_of_the_likelihood():
     assert part.value(u, v) != pytest.approx(other.value(u, left), abs=1.0)
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", some([0, 3]))
 def test_a_climb_along_the_ridge_reaches_one_mode_from_any_body(seed):
     model, form, record, part = likelihood(seed)
     study = Study(model, form, (record,), None, None, 0, np.random.default_rng(0), Settings())
@@ -73,16 +74,21 @@ def test_a_climb_along_the_ridge_reaches_one_mode_from_any_body(seed):
     assert np.ptp(values) < 1.0
 
 
-def test_bands_hold_the_body_where_X_is_as_exact_as_stated():
-    covered = {0.0: [], 0.05: []}
-    for seed in range(3):
+def coverage(seeds):
+    """Share of K in its bands for an X that is 5 % off and is stated to be exact, or as exact as it is, by seed."""
+    rows = []
+    for seed in seeds:
         model, record = model_and_record(seed, 0.05)
         K = 1.15 * model.fit.frequency_response(AT)
-        for stated, rows in covered.items():
-            found = identify(model, record, omega=AT, tolerance={"force": stated})
-            rows.append(np.mean([(f(found.K.lower) <= f(K)) & (f(K) <= f(found.K.upper)) for f in (np.real, np.imag)]))
-    assert np.mean(covered[0.05]) > 0.9 and min(covered[0.05]) > 0.6
-    assert np.mean(covered[0.0]) < 0.8      # an X that is taken as exact goes into the body
+        bands = [identify(model, record, omega=AT, tolerance={"force": stated}).K for stated in (0.0, 0.05)]
+        rows.append([np.mean([(f(band.lower) <= f(K)) & (f(K) <= f(band.upper)) for f in (np.real, np.imag)])
+                     for band in bands])
+    return np.array(rows).T
+
+
+def test_bands_hold_the_body_where_X_is_as_exact_as_stated():
+    exact, stated = coverage(range(1))
+    assert stated.mean() > 0.9 and exact.mean() < 0.8  # an X that is taken as exact goes into the body
 
 
 @pytest.mark.parametrize("forces", [(0, 1), (0,)])
@@ -94,7 +100,7 @@ def test_one_of_two_motions_measured_in_a_record_that_begins_under_way(data, for
         1000.0 * body["A"][(slice(None), *pick)], 1000.0 * body["B"][(slice(None), *pick)], 1000.0 * body["Ainf"][pick],
         np.diag([130e3, 900e3]), np.diag([785e3, 1.5e6])))
     hydro = HydroData(body["w"], A, B, A_inf=A_inf, dofs=("Heave", "Pitch"), M=M, C=C)
-    start, dt, duration, covered = Model.from_hydro(hydro, order=4), 0.1, 400.0, []
+    start, dt, duration, covered = Model.from_hydro(hydro, order=4), 0.1, 200.0, []
     for seed in range(1):
         rng = np.random.default_rng(seed)
         w = 2.0 * np.pi / (8.0 * duration) * np.arange(1, round(8.0 * duration))
