@@ -8,6 +8,7 @@ from scipy.integrate import odeint, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import lfilter
+from seeds import some
 
 import radiation_ss as rss
 from radiation_ss.diagnosis import contradiction
@@ -54,16 +55,17 @@ def recorded(model, rng, kind, name):
 @pytest.mark.parametrize("kind", ["noise", "jitter"])
 def test_errors_that_grow_with_the_motion_are_no_gap(kind):
     answers = []
-    for model in (roll(), heave()):
-        for seed in range(2):
+    for model, seeds in ((roll(), some([0, 1])), (heave(), some([1, 0]))):
+        for seed in seeds:
             rng = np.random.default_rng(seed)
             seen, unseen = (recorded(model, rng, kind, name) for name in ("seen", "unseen"))
             answers.append(rss.diagnose(model, seen, withhold=unseen).verdict)
     assert not any(answer.effects for answer in answers)
-    assert sum(answer.status == "no_gap" for answer in answers) >= 3  # of four: an excess of two deviations is chance
+    quiet = sum(answer.status == "no_gap" for answer in answers)
+    assert quiet >= 0.75 * len(answers)  # three of four: an excess of two deviations is chance
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_zero_that_drifts_is_no_gap(seed):
     """By a tenth of the motion's rms to each side over the record, as the sensor warms up."""
     for model in (roll(), heave()):
@@ -156,7 +158,7 @@ def test_end_stops_are_found_beside_a_slow_force(share, loss):
     assert 0.0 < std and abs(value - gap) < 0.1 * gap
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", some(range(4)))
 def test_a_stop_is_as_stiff_as_it_is(seed):
     """Sharp stops ten times as stiff as the body's restoring, hit in most strokes."""
     gap = 0.5 * float(np.abs(driven(heave(), np.random.default_rng(seed))[2](np.linspace(0.0, 40.0, 900))).max())
@@ -173,7 +175,7 @@ def test_a_stop_is_as_stiff_as_it_is(seed):
 def test_the_prior_of_a_strong_force_does_not_pull_its_number():
     """A drag that takes nearly all of the exciting force, in short and noisy records: its errors have mean zero."""
     off, true = [], 1000.0
-    for seed in range(6):
+    for seed in some(range(6), 3):
         rng = np.random.default_rng(seed)
         time, force, moved = driven(heave(), rng, periods=12, force=lambda t, x, v: true * v * abs(v))
         even = time[::8]
@@ -182,7 +184,7 @@ def test_the_prior_of_a_strong_force_does_not_pull_its_number():
         found = rss.diagnose(heave(), record, effects=["quadratic_drag"])
         value, std = found.verdict.effects[0].parameters["coefficient"]
         off.append((value - true) / std)
-    assert abs(np.mean(off)) < 3.0 / np.sqrt(6.0)
+    assert abs(np.mean(off)) < 3.0 / np.sqrt(len(off))
 
 
 def pushed(model, rng, top, rms, name):
@@ -238,7 +240,7 @@ def adrift(rng, name, released=0.0):
                       kind="decay" if released else "waves", name=name)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", some(range(3)))
 def test_a_motion_that_is_mostly_a_drift_leaves_the_stiffness_where_it_is(seed):
     """Of a slow force that nobody measured less stiffness would make less."""
     rng, model = np.random.default_rng(seed), rss.body(dof="Surge", mass=2.0, added_mass=1.0, C=8.0, damping_ratio=0.03)
@@ -249,7 +251,7 @@ def test_a_motion_that_is_mostly_a_drift_leaves_the_stiffness_where_it_is(seed):
     assert abs(stiffness.value - 0.01) < 3.0 * stiffness.std < 0.1
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_slow_force_that_comes_once_is_not_named(seed):
     """A ship that passes: pressure, then suction, over two and a half periods of each record."""
     rng, records = np.random.default_rng(seed), []
@@ -415,7 +417,7 @@ def test_a_coupled_added_mass_is_off_by_what_the_motions_own_are_however_small_i
 
     def record(seed):
         rng = np.random.default_rng(seed)
-        time, omega = np.arange(0.0, 120.0, 0.05), rng.uniform(0.8, 4.0, (40, 2))
+        time, omega = np.arange(0.0, 120.0, 0.1), rng.uniform(0.8, 4.0, (40, 2))
         force = np.cos(time[:, None, None] * omega + rng.uniform(0.0, 6.28, (40, 2))).sum(axis=1) / 6.0
         force *= np.clip(time / 10.0, 0.0, 1.0)[:, None]
         at = CubicSpline(time, force)
@@ -493,14 +495,14 @@ def test_a_steady_force_is_no_force_of_waves():
     assert found.verdict.status == "no_gap"
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_force_by_the_elevation_is_as_sure_as_the_tolerance_at_each_frequency(seed):
     """X is off by 2 % everywhere, at a phase that turns three times over the sea."""
     found = by_elevation(seed, lambda w: 0.16 * np.exp(-0.1 * w**2 + 1j * (1.5 * seed + 2.0 * np.pi * (w - 0.8) / 0.8)))
     assert found.verdict.status == "no_gap" and found.how_far.gap_before == pytest.approx(0.02, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_a_smooth_error_of_the_exciting_force_within_its_tolerance_is_no_effect(seed):
     """A complex Gaussian process over log2 w, 2 % rms, whose correlation falls in .7 octaves."""
     octaves = np.linspace(-1.0, 2.5, 60)
@@ -530,7 +532,7 @@ def test_what_shows_no_motion_says_why(kept, words):
         rss.diagnose(tank_model(), rss.Record(0.05 * np.arange(400), {"Heave": values}, kind="decay"))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", some(range(2)))
 def test_what_hardly_moves_in_a_decay_says_nothing_of_couplings(seed):
     """A motion of less than a thousandth of the other's energy: the model knows its couplings no better."""
     body, rng, time = coupled(0.0), np.random.default_rng(seed), np.arange(0.0, 60.0, 0.05)
