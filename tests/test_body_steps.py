@@ -25,7 +25,7 @@ def rig(p):
                  inputs=["sway_force", "roll_force"], outputs=["roll", "sway", "roll_vel", "sway_vel"])
 
 
-def driven(seed=0, dt=0.025, duration=40.0):
+def driven(seed=0, dt=0.025, duration=20.0):
     """Motion of the rig under a known force that is linear between samples, by python-control."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, duration, dt)
     w, phase = rng.uniform(2.0, 7.0, (2, 60)), rng.uniform(0.0, 6.3, (2, 60))

@@ -1,5 +1,7 @@
 """Kill -9 and a full disk at every write: the old file or the new one, and the same bits when it is done again."""
 
+import shutil
+
 import fault_jobs
 import faults
 import pytest
@@ -24,8 +26,7 @@ def test_a_file_is_there_whole_or_as_it_was(name, tmp_path):
     ways = [(faults.killed_at, n) for n in range(1, 20)] + [(faults.killed_beyond, n) for n in (0, size // 2)]
     for number, (kill, place) in enumerate(ways):
         folder = tmp_path / f"kill{number}"
-        folder.mkdir()
-        write(folder, 0)
+        shutil.copytree(tmp_path / "0", folder)
         _, wrong = faults.wrong_after_a_kill(lambda where: write(where, 1), folder, kill, place, *content)
         assert wrong is None, (kill.__name__, place, wrong)
     for limit in (0, size // 2):
