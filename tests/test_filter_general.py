@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 from scipy.stats import chi2
+from seeds import some
 
 import radiation_ss as rss
 from benchmarks.heave_tank import BAND, INERTIA, MASS, STIFFNESS, sea_record, tank, with_force
@@ -39,8 +40,8 @@ def forced(seed, duration=10.0):
 
 
 def test_a_known_force_teaches_named_parameters_as_surely_as_it_says():
-    off = []
-    for seed in range(4):
+    off, seeds = [], some(range(4), 2)
+    for seed in seeds:
         record, force = forced(seed)
         medians = 1.0 + 0.12 * np.random.default_rng(seed).standard_normal(3)
         found = rss.DualEnKF(plant(medians), seed=seed).run(record)
@@ -50,8 +51,8 @@ def test_a_known_force_teaches_named_parameters_as_surely_as_it_says():
             assert abs(p.mean - value) < 0.1 * p.prior_std and p.std < 0.1 * p.prior_std
             off.append((p.mean - value) / p.std)
         assert np.std((found.force.mean[0] - force)[100:]) < 0.02 * force.std()
-    # Mass and stiffness go together: eight free directions at least.
-    assert np.sum(np.square(off)) < 12.0 / 8.0 * chi2.ppf(0.999, 8)
+    # Mass and stiffness go together: of three numbers two free directions a record at least.
+    assert np.sum(np.square(off)) < 3.0 / 2.0 * chi2.ppf(0.999, 2 * len(seeds))
 
 
 @pytest.mark.parametrize("scale", [1.1, 1.3])
