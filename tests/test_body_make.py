@@ -73,6 +73,35 @@ def test_with_radiation_the_period_gives_the_stiffness():
         rss.body(**known, damping_ratio=0.5 * modes.ratio[0])
 
 
+@pytest.fixture(scope="module")
+def barge():
+    section = rss.section_2d([(0.0, -1.0), (1.0, -1.0), (1.0, 0.0)], np.linspace(0.3, 6.0, 40)).select("Sway")
+    data = section.times(5.0).replace(C=None)
+    return rss.fit_radiation(data, 5).replace(data=data)
+
+
+@pytest.mark.parametrize("period", [5.0, 8.0, 20.0])
+def test_the_mode_of_a_motion_is_the_one_that_its_release_goes_by(barge, period):
+    """In sway the body's velocity takes a large part in the radiation's own, heavily damped modes."""
+    model = rss.body(dof="Sway", mass=1e4, radiation=barge, period=period)
+    decayed, ratio = measured(*decay_of(model, period))
+    found = natural_modes(model)
+    assert found.period[0] == pytest.approx(period, rel=1e-6) and decayed == pytest.approx(period, rel=0.01)
+    assert found.ratio[0] == pytest.approx(ratio, rel=0.1, abs=1e-3)
+
+
+def test_an_overdamped_motion_has_no_period_though_its_radiation_swings(barge):
+    model = rss.body(dof="Sway", mass=1e4, radiation=barge, period=20.0)
+    assert np.isinf(natural_modes(model.attached(damping={"Sway": 5e4})).period[0])
+
+
+@pytest.mark.parametrize("period", [2.0, 3.0])
+def test_a_period_that_only_the_radiation_has_is_refused(barge, period):
+    """The stiffness that gives a mode of 3 s lets the body swing by 8 s; that of 2 s pushes it away."""
+    with pytest.raises(rss.InputError, match="that is released oscillates so"):
+        rss.body(dof="Sway", mass=1e4, radiation=barge, period=period)
+
+
 def test_a_section_with_its_length_is_the_box_of_archimedes():
     offsets = [(0.0, -0.2), (0.2, -0.2), (0.2, 0.0)]
     model = rss.body(section=offsets, length=0.586, GM=0.05, gyradius=0.12, dof=("Heave", "Roll"))

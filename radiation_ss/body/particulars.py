@@ -216,13 +216,17 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
 
 
 def own_ratio(solve: Callable[[float], tuple[float, float]], period: float) -> float:
-    """Return the damping ratio at which `solve` finds no damping beside radiation."""
-    if abs(solve(0.0)[1]) <= 1e-12 * abs(solve(0.5)[1]):
+    """Return the least damping ratio at which `solve` finds no damping beside radiation."""
+    def beside(ratio: float) -> float:
+        return solve(ratio)[1]
+
+    if abs(beside(0.0)) <= 1e-12 * abs(beside(0.5)):
         return 0.0
-    try:
-        return float(brentq(lambda ratio: solve(ratio)[1], 0.0, 0.99))
-    except ValueError:
-        raise InputError(f"period: {period:g} s; the body does not oscillate so with this radiation") from None
+    tried = np.linspace(0.0, 0.99, 100)  # with radiation several may do: the others are radiation's own
+    turns = np.flatnonzero(np.diff(np.sign([beside(ratio) for ratio in tried])))
+    if not turns.size:
+        raise InputError(f"period: {period:g} s; the body does not oscillate so with this radiation")
+    return float(brentq(beside, tried[turns[0]], tried[turns[0] + 1]))
 
 
 def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float) -> float:
