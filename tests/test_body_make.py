@@ -76,8 +76,18 @@ def test_with_radiation_the_period_gives_the_stiffness():
 @pytest.fixture(scope="module")
 def barge():
     section = rss.section_2d([(0.0, -1.0), (1.0, -1.0), (1.0, 0.0)], np.linspace(0.3, 6.0, 40)).select("Sway")
-    data = section.times(5.0).replace(C=None)
-    return rss.fit_radiation(data, 5).replace(data=data)
+    return rss.fit_radiation(section.times(5.0), 5)
+
+
+def test_a_mooring_follows_from_the_period_though_hydrostatics_are_there(barge):
+    """(2 pi / T)^2 (m + A) at T, of a body of little damping; the file's C is zero in sway, the one given is not."""
+    assert barge.data.C[0, 0] == 0.0
+    given, w = {"dof": "Sway", "mass": 1e4, "radiation": barge}, 2.0 * np.pi / 20.0
+    added = barge.A_inf[0, 0] + barge.frequency_response(w)[0, 0, 0].imag / w
+    assert rss.body(**given, period=20.0).C[0, 0] == pytest.approx(w**2 * (1e4 + added), rel=1e-3)
+    assert rss.body(**given).C[0, 0] == 0.0
+    with pytest.raises(rss.InputError, match="leave nothing for it to tell"):
+        rss.body(**given, period=20.0, C=2000.0)
 
 
 @pytest.mark.parametrize("period", [5.0, 8.0, 20.0])

@@ -241,6 +241,8 @@ def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit 
         M = float(_inertia_matrix(p, data)[0, 0])  # about the reference point, as of several degrees of freedom
     A = entry(data, "A_inf") if p.of("added_mass", dof) is None else p.of("added_mass", dof)
     C = entry(data, "C") if p.stiffness(dof) is None else p.stiffness(dof)
+    if C == 0.0 and p.stiffness(dof) is None and mode(dof) in HORIZONTAL:
+        C = None  # hydrostatics restore none of these: it says nothing of a mooring
     return M, entry(fit, "A_inf") if A is None else A, C
 
 
