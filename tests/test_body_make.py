@@ -145,6 +145,15 @@ def test_several_degrees_of_freedom_each_by_its_own_numbers():
     assert natural_modes(model).period == pytest.approx([np.inf, 1.6, 2.0])
 
 
+def test_a_centre_of_gravity_is_a_height(barge):
+    section, point = [(0.0, -1.0), (1.0, -1.0), (1.0, 0.0)], (0.0, 0.0, -0.5)
+    for call in (lambda: rss.section_2d(section, [1.0, 2.0], centre_of_gravity=point),
+                 lambda: rss.body(section=section, length=5.0, dof="Heave", centre_of_gravity=point),
+                 lambda: rss.body(dof="Sway", mass=1e4, radiation=barge, centre_of_gravity=point)):
+        with pytest.raises(rss.InputError, match=r"centre_of_gravity: \(0.0, 0.0, -0.5\); one number is needed"):
+            call()
+
+
 def test_a_guess_travels_to_what_follows_from_it():
     given = {"dof": "Roll", "mass": 993.0, "GM": 0.0843, "gyradius": 0.341, "period": 2.545}
     found = rss.body(**given, tolerance={"gyradius": 0.01, "kernel": 0.2}).tolerance

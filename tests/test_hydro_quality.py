@@ -511,3 +511,10 @@ def test_an_added_mass_that_does_not_vary_with_a_damping_that_does_is_not_causal
     found = rss.HydroData(omega, A[:, None, None], B[:, None, None], np.array([[300.0]]), ("Heave",)).check()
     value = next(f.value for f in found.findings if f.kind == "Kramers-Kronig" and f.problem)
     assert 0.5 < value < 2.0
+
+
+def test_one_frequency_is_said_in_the_singular():
+    one = rss.HydroData([1.0], np.ones((1, 1, 1)), np.ones((1, 1, 1)), [[1.0]], ("Heave",))
+    assert "only 1 frequency; 8 are needed" in str(one.check()) and "1 frequency from" in str(one.check())
+    with pytest.raises(rss.InputError, match="1 frequency; at least 3"):
+        rss.fit_radiation(one)

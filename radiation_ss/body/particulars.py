@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from radiation_ss.arrays import FloatArray, positive, read_only
+from radiation_ss.arrays import FloatArray, check_height, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
@@ -80,6 +80,8 @@ class Particulars:
                 raise InputError(f"units of {named}: units are of the displacement of a degree of freedom of your own; "
                                  "numbers are in SI (kg, m, s), motions of a rigid body in m and rad")
         object.__setattr__(self, "dof", tuple(dofs))
+        if self.centre_of_gravity is not None:
+            check_height(self.centre_of_gravity, "centre_of_gravity")
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             if (value := getattr(self, name)) is not None:
                 self._check(name, value)
