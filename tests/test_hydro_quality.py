@@ -486,6 +486,8 @@ def test_forces_of_half_a_circle_with_the_other_sign_are_named():
 
 @pytest.mark.parametrize("part, times, said", [
     ("X", 1.0, None), ("X", 1e-3, "wave force on Heave is"), ("X", 9.81, "wave force on Heave is"),
+    ("X", 0.5, "wave force on Heave is 0.49"), ("X", 2.0, "wave force on Heave is 1.99"),
+    ("X", 4.0, "and 4 times what its damping says; X is"),
     ("B", 1e-3, "damping of Heave is"), ("B", 1025.0, "damping of Heave is")])
 @pytest.mark.parametrize("headings", [1, 8])
 def test_a_force_or_damping_in_another_unit_is_told_by_long_waves(part, times, said, headings):
