@@ -90,6 +90,24 @@ def is_number(value: Any, *, whole: bool = False) -> bool:
     return isinstance(value, kinds) and not isinstance(value, bool)
 
 
+def check_height(value: Any, name: str) -> None:
+    """Refuse what is not one finite number, the height of a point.
+
+    >>> check_height(-0.5, "centre_of_gravity")
+    """
+    if not is_number(value) or not np.isfinite(value):
+        raise InputError(f"{name}: {value!r}; one number is needed, the height above the still water surface [m]")
+
+
+def frequencies(count: int) -> str:
+    """Return a number of frequencies in words.
+
+    >>> frequencies(1), frequencies(2)
+    ('1 frequency', '2 frequencies')
+    """
+    return f"{count} frequency" if count == 1 else f"{count} frequencies"
+
+
 def check_numbers(settings: object, table: Iterable[tuple[str, Callable[[Any], bool], str]]) -> None:
     """Raise InputError for a field of settings that is no number, or not one as needed.
 

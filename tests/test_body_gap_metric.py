@@ -101,6 +101,24 @@ def test_margin_of_a_loop():
     assert gain >= (1.0 + b) / (1.0 - b) and np.radians(phase) >= 2.0 * np.arcsin(b)
 
 
+@pytest.mark.parametrize("hidden", [0.0, 0.3, -0.2])
+@pytest.mark.parametrize("reached, shown", [(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)])
+def test_hidden_modes_are_no_part_of_the_gap_and_one_of_the_loop(hidden, reached, shown):
+    """Against the pointwise gap of the transfer functions; an unstable mode that nothing moves is not robust."""
+    mixing = np.random.default_rng(2).standard_normal((3, 3))
+
+    def with_hidden(k):
+        a, b, c = np.diag([0.0, 0.0, hidden]), np.array([[0.0], [1.0], [reached]]), np.array([[1.0, 0.0, shown]])
+        a[:2, :2] = [[0.0, 1.0], [-k, -0.4]]
+        return ct.ss(mixing @ np.linalg.solve(mixing.T, a.T).T, mixing @ b, np.linalg.solve(mixing.T, c.T).T, 0.0)
+
+    P, Q, omega = with_hidden(1.0), with_hidden(1.3), np.linspace(1e-3, 5.0, 5000)
+    assert rss.gap_metric(P, P) == pytest.approx(0.0, abs=1e-6)
+    assert rss.gap_metric(P, Q) == pytest.approx(chordal(P, Q, omega).max(), rel=1e-5)
+    own = rss.robust_margin(ct.ss([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0), 0.5)
+    assert rss.robust_margin(P, 0.5) == pytest.approx(own if hidden < 0.0 else 0.0, rel=1e-6, abs=1e-9)
+
+
 def test_bilinear_map_keeps_both():
     dt = 0.2
     P1, P2, C = ct.tf([1.0], [1.0, 0.4, 1.0]), ct.tf([1.3], [1.0, 0.2, 1.4]), ct.tf([0.5, 0.2], [0.1, 1.0])

@@ -73,6 +73,45 @@ def test_with_radiation_the_period_gives_the_stiffness():
         rss.body(**known, damping_ratio=0.5 * modes.ratio[0])
 
 
+@pytest.fixture(scope="module")
+def barge():
+    section = rss.section_2d([(0.0, -1.0), (1.0, -1.0), (1.0, 0.0)], np.linspace(0.3, 6.0, 40)).select("Sway")
+    return rss.fit_radiation(section.times(5.0), 5)
+
+
+def test_a_mooring_follows_from_the_period_though_hydrostatics_are_there(barge):
+    """(2 pi / T)^2 (m + A) at T, of a body of little damping; the file's C is zero in sway, the one given is not."""
+    assert barge.data.C[0, 0] == 0.0
+    given, w = {"dof": "Sway", "mass": 1e4, "radiation": barge}, 2.0 * np.pi / 20.0
+    added = barge.A_inf[0, 0] + barge.frequency_response(w)[0, 0, 0].imag / w
+    assert rss.body(**given, period=20.0).C[0, 0] == pytest.approx(w**2 * (1e4 + added), rel=1e-3)
+    assert rss.body(**given).C[0, 0] == 0.0
+    with pytest.raises(rss.InputError, match="leave nothing for it to tell"):
+        rss.body(**given, period=20.0, C=2000.0)
+
+
+@pytest.mark.parametrize("period", [5.0, 8.0, 20.0])
+def test_the_mode_of_a_motion_is_the_one_that_its_release_goes_by(barge, period):
+    """In sway the body's velocity takes a large part in the radiation's own, heavily damped modes."""
+    model = rss.body(dof="Sway", mass=1e4, radiation=barge, period=period)
+    decayed, ratio = measured(*decay_of(model, period))
+    found = natural_modes(model)
+    assert found.period[0] == pytest.approx(period, rel=1e-6) and decayed == pytest.approx(period, rel=0.01)
+    assert found.ratio[0] == pytest.approx(ratio, rel=0.1, abs=1e-3)
+
+
+def test_an_overdamped_motion_has_no_period_though_its_radiation_swings(barge):
+    model = rss.body(dof="Sway", mass=1e4, radiation=barge, period=20.0)
+    assert np.isinf(natural_modes(model.attached(damping={"Sway": 5e4})).period[0])
+
+
+@pytest.mark.parametrize("period", [2.0, 3.0])
+def test_a_period_that_only_the_radiation_has_is_refused(barge, period):
+    """The stiffness that gives a mode of 3 s lets the body swing by 8 s; that of 2 s pushes it away."""
+    with pytest.raises(rss.InputError, match="that is released oscillates so"):
+        rss.body(dof="Sway", mass=1e4, radiation=barge, period=period)
+
+
 def test_a_section_with_its_length_is_the_box_of_archimedes():
     offsets = [(0.0, -0.2), (0.2, -0.2), (0.2, 0.0)]
     model = rss.body(section=offsets, length=0.586, GM=0.05, gyradius=0.12, dof=("Heave", "Roll"))
@@ -104,6 +143,15 @@ def test_several_degrees_of_freedom_each_by_its_own_numbers():
                      period={"Heave": 1.6, "Pitch": 2.0}, added_mass={"Surge": 10.0})
     assert np.diag(model.C) == pytest.approx([0.0, 2000.0, 100.0 * 9.81 * 0.3])
     assert natural_modes(model).period == pytest.approx([np.inf, 1.6, 2.0])
+
+
+def test_a_centre_of_gravity_is_a_height(barge):
+    section, point = [(0.0, -1.0), (1.0, -1.0), (1.0, 0.0)], (0.0, 0.0, -0.5)
+    for call in (lambda: rss.section_2d(section, [1.0, 2.0], centre_of_gravity=point),
+                 lambda: rss.body(section=section, length=5.0, dof="Heave", centre_of_gravity=point),
+                 lambda: rss.body(dof="Sway", mass=1e4, radiation=barge, centre_of_gravity=point)):
+        with pytest.raises(rss.InputError, match=r"centre_of_gravity: \(0.0, 0.0, -0.5\); one number is needed"):
+            call()
 
 
 def test_a_guess_travels_to_what_follows_from_it():

@@ -179,3 +179,9 @@ def test_a_small_decay_alone_has_the_effects_of_a_large_one():
     """What needs a force or waves acts in neither, though other tests of the menu give the sizes."""
     small, large = (rss.plan_tests(tank_model(), 0.04, tests=[test]) for test in ("decay, small", "decay, large"))
     assert set(small.labels) == set(large.labels) and "excitation_gain on Heave" not in small.labels
+
+
+def test_a_plan_of_decays_of_what_nothing_restores_says_so():
+    surge = rss.body(dof="Surge", mass=10.0, added_mass=3.0)
+    with pytest.raises(rss.InputError, match="there is no decay, as nothing oscillates: C restores no Surge"):
+        rss.plan_tests(surge, 0.1, tests=["decay"])

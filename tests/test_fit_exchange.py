@@ -354,6 +354,21 @@ def test_audit_says_that_a_model_looks_like_the_force_on_the_body(fit):
     assert "looks like" not in str(rss.audit(fit, fit.data))
 
 
+def test_audit_of_a_model_that_is_wrong_with_either_sign_does_not_call_it_minus_the_model(fit):
+    odd = rss.audit(ct.ss(-fit.a, fit.b, fit.c, np.zeros((2, 2))), fit.data)
+    assert 1.0 < odd.opposite_error < odd.relative_error and "looks like" not in str(odd)
+
+
+@pytest.mark.parametrize("share", [-0.1, 1e-3, 0.1, 1.0])
+def test_the_passivity_margin_of_a_model_with_feed_through(share):
+    """K = s / (s^2 + 0.8 s + 1) + D: its real part falls to D in the limits, and is D + 1 / 0.8 at most."""
+    K, D = OMEGA / (1j * (1.0 - OMEGA**2) + 0.8 * OMEGA), 1.25 * share
+    data = rss.HydroData(OMEGA, K.imag[:, None, None] / OMEGA[:, None, None], K.real[:, None, None], [[0.0]], "Heave")
+    found = rss.audit(ct.ss([[-0.8, -1.0], [1.0, 0.0]], [[1.0], [0.0]], [[1.0, 0.0]], D), data).certificate
+    assert found.margin == pytest.approx(D / max(1.25 + D, -D), rel=1e-6)
+    assert found.passive == (D > 0.0) and found.relative_degree == 0
+
+
 def test_openfast_states_belong_to_motions_that_are_there(fit, tmp_path):
     roll = rss.RadiationFit(("Roll",), [[0.0, -4.0], [1.0, -2.0]], [[3.0], [1.0]], [[0.0, 1.0]], 2)
     for model in (fit, fit.select(["Pitch"]), roll):

@@ -51,6 +51,15 @@ def test_bad_fields_are_named(changes, says):
         two_modes(**changes)
 
 
+@pytest.mark.parametrize("one, other", [(0.0, 0.0), (0.0, 2.0 * np.pi), (-np.pi, np.pi)])
+def test_one_direction_has_one_force(one, other):
+    X = np.tile([[1.0, 2.0], [3.0, 4.0], [1.0, 2.0]], (3, 1, 1)).astype(complex)
+    assert two_modes(X=X, directions=[one, 1.0, other]).X.shape == (3, 3, 2)  # twice the same: no contradiction
+    X[1, 2, 0] *= 1.1
+    with pytest.raises(InputError, match="are one direction, and have different forces"):
+        two_modes(X=X, directions=[one, 1.0, other])
+
+
 def test_unknown_degree_of_freedom_is_named():
     with pytest.raises(InputError, match="Heave"):
         two_modes().select("Heave")

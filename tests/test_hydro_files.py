@@ -1,5 +1,6 @@
 """Reading and writing coefficients: every format against an independent statement of the same numbers."""
 
+import h5py
 import hydro_samples as samples
 import numpy as np
 import pytest
@@ -484,6 +485,31 @@ def test_aqwa_before_version_18_2_has_no_number_before_the_depth(tmp_path):
     got = rss.read_hydro(path)
     assert (got.rho, got.g, got.depth) == (data.rho, data.g, data.depth)
     assert_close(got, data, ALL, rtol=1e-6)
+
+
+@pytest.mark.parametrize("unit, turn, words", [("rad", 1.0, "taken so"), (b"[rad]", 1.0, "taken so"),
+                                               ("rad", 180.0 / np.pi, "taken as degrees"),
+                                               ("deg", 180.0 / np.pi, "")])
+def test_bemio_directions_are_in_the_unit_that_they_can_be_in(tmp_path, unit, turn, words):
+    data = samples.body_data()
+    path = samples.bemio(data, tmp_path)
+    with h5py.File(path, "r+") as file:
+        file["simulation_parameters/wave_dir"][:] = turn * data.directions[:, None]
+        file["simulation_parameters/wave_dir"].attrs["units"] = unit
+    got = rss.read_hydro(path)
+    np.testing.assert_allclose(got.directions, data.directions, rtol=1e-12)
+    assert [words in note for note in got.notes if "wave_dir" in note] == [True] * bool(words)
+
+
+def test_bemio_with_magnitude_and_phase_alone_has_its_force(tmp_path):
+    data = samples.body_data()
+    path = samples.bemio(data, tmp_path)
+    with h5py.File(path, "r+") as file:
+        force = file["body1/hydro_coeffs/excitation"]
+        X = force["re"][()] + 1j * force["im"][()]
+        del force["re"], force["im"]
+        force["mag"], force["phase"] = np.abs(X), np.angle(X)
+    np.testing.assert_allclose(rss.read_hydro(path).X, data.X, rtol=1e-9, atol=1e-9 * np.abs(data.X).max())
 
 
 @pytest.mark.parametrize("depth", [35.0, np.inf])

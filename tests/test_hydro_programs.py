@@ -76,6 +76,16 @@ def test_orcaflex_phases_over_another_point_of_the_wave(tmp_path, relative, conv
     assert_close(got, data, ("X",))
 
 
+def test_orcaflex_two_forces_for_one_direction_are_refused(tmp_path):
+    path = samples.orcaflex(plain_body(), tmp_path)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    places = [k for k, line in enumerate(lines) if "RAODirection" in line]
+    lines[places[1]] = lines[places[0]]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(rss.InputError, match="yml: directions: 0 and 0 deg are one direction"):
+        rss.read_hydro(path)
+
+
 def test_orcaflex_rows_of_many_lines_older_names_and_several_vessels(tmp_path):
     """As OrcaFlex 11 lays its files out: a number on each line, the last with a comma, an empty list below its name."""
     data = plain_body(reference_point=(2.5, 0.5, -2.0))

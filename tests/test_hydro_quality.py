@@ -486,6 +486,8 @@ def test_forces_of_half_a_circle_with_the_other_sign_are_named():
 
 @pytest.mark.parametrize("part, times, said", [
     ("X", 1.0, None), ("X", 1e-3, "wave force on Heave is"), ("X", 9.81, "wave force on Heave is"),
+    ("X", 0.5, "wave force on Heave is 0.49"), ("X", 2.0, "wave force on Heave is 1.99"),
+    ("X", 4.0, "and 4 times what its damping says; X is"),
     ("B", 1e-3, "damping of Heave is"), ("B", 1025.0, "damping of Heave is")])
 @pytest.mark.parametrize("headings", [1, 8])
 def test_a_force_or_damping_in_another_unit_is_told_by_long_waves(part, times, said, headings):
@@ -511,3 +513,10 @@ def test_an_added_mass_that_does_not_vary_with_a_damping_that_does_is_not_causal
     found = rss.HydroData(omega, A[:, None, None], B[:, None, None], np.array([[300.0]]), ("Heave",)).check()
     value = next(f.value for f in found.findings if f.kind == "Kramers-Kronig" and f.problem)
     assert 0.5 < value < 2.0
+
+
+def test_one_frequency_is_said_in_the_singular():
+    one = rss.HydroData([1.0], np.ones((1, 1, 1)), np.ones((1, 1, 1)), [[1.0]], ("Heave",))
+    assert "only 1 frequency; 8 are needed" in str(one.check()) and "1 frequency from" in str(one.check())
+    with pytest.raises(rss.InputError, match="1 frequency; at least 3"):
+        rss.fit_radiation(one)

@@ -147,7 +147,22 @@ def test_clocks_of_a_displacement_and_a_noisy_acceleration(delay):
     assert np.isfinite(both.channels["Heave"]).sum() == camera_time.size
 
 
+@pytest.mark.parametrize("width, delay", [(0.02, 5.15), (0.02, 7.35), (0.01, 7.35), (0.01, -8.0), (0.005, -5.1)])
+def test_clocks_of_a_packet_of_waves_anywhere_in_the_records(width, delay):
+    t, late = np.arange(0.0, 60.0, 0.05), np.arange(2.0, 71.0, 0.02)
+    camera, logger = (np.exp(-width * (x - 30.0) ** 2) * np.sin(3.0 * x) for x in (t, late + delay))
+    one, other = rss.Record(t, {"Heave": camera}), rss.Record(late, {"Heave": logger})
+    offset, alike = rss.clock_offset(one, other, "Heave", largest=10.0)
+    all_lags = np.correlate(np.interp(late, t, camera), logger, "full")  # own: the largest is the offset
+    assert 0.02 * (np.argmax(all_lags) - late.size + 1) == pytest.approx(delay, abs=0.02)
+    assert offset == pytest.approx(delay, abs=0.005) and alike > 0.999
+    with pytest.raises(rss.InputError, match="turned sign"):
+        rss.clock_offset(one, rss.Record(late, {"Heave": -logger}), "Heave", largest=10.0)
+
+
 def test_clocks_that_have_nothing_in_common():
+    with pytest.raises(rss.InputError, match="nowhere alike"):
+        rss.clock_offset(rss.Record(TIME, {"Heave": 0.0 * TIME}), rss.Record(TIME, {"Heave": sea(1)[0]}), "Heave")
     one, other = rss.Record(TIME, {"Heave": sea(1)[0]}), rss.Record(TIME, {"Heave": sea(2)[0], "Roll": sea(3)[0]})
     with pytest.raises(rss.InputError, match="nowhere alike"):
         rss.clock_offset(one, other, "Heave")

@@ -129,3 +129,16 @@ def test_a_sea_of_the_command_line_is_predicted_alike_as_a_record(tmp_path):
     force = rss.simulate(rss.read_model(tmp_path / "tank.nc"), bare).inputs[0]
     inside = slice(made.time.size // 3, -made.time.size // 3)
     np.testing.assert_allclose(force[inside], made.channels["Heave_force"][inside], atol=0.02 * np.ptp(force))
+
+
+def test_a_heading_is_the_same_a_turn_further(tmp_path):
+    """As the record's comment is; -15 deg is between 270 and 360, and 360 is 0."""
+    body(100.0, 300.0, 200.0, 150.0).write(tmp_path / "tank.nc")
+
+    def force(degrees):
+        assert main(["simulate", str(tmp_path / "tank.nc"), "--sea", ".01", "1", f"--heading={degrees}", "--duration",
+                     "60", "--outside", ".2", "--out", str(tmp_path / "sea.csv"), "--quiet"]) == 0
+        return rss.read_record(tmp_path / "sea.csv").channels["Heave_force"]
+
+    for one, other in ((-15, 345), (360, 0)):
+        np.testing.assert_allclose(force(one), force(other), rtol=1e-9, atol=1e-9)

@@ -118,10 +118,11 @@ class Modes:
 
 
 def natural_modes(model: Model) -> Modes:
-    """Return period and damping ratio of the oscillation in which each degree of freedom takes the largest part.
+    """Return period and damping ratio of the mode in which the displacement of each degree of freedom has most part.
 
     The part of a state in a mode is the product of its entries in the right and the left eigenvector (participation
-    factor: Perez-Arriaga, Verghese & Schweppe 1982). Each oscillation is given to one degree of freedom.
+    factor: Perez-Arriaga, Verghese & Schweppe 1982): of a displacement its share in what follows a release. Velocities
+    do not count: they follow radiation states, too. Each mode is given to one degree of freedom.
 
     >>> import radiation_ss as rss
     >>> modes = natural_modes(rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0, damping_ratio=0.1))
@@ -135,14 +136,12 @@ def natural_modes(model: Model) -> Modes:
     poles, right = np.linalg.eig(F * (size[:, None] / size))
     period, ratio = np.full(n, np.inf), np.full(n, np.nan)
     loose = statically_unstable(model.M, model.C, model.dofs)
-    swinging = np.flatnonzero(poles.imag > 1e-6 * np.abs(poles))
-    part = np.abs(right.T * np.linalg.pinv(right))[swinging]
-    share = part[:, m:m + n] + part[:, m + n:]
+    part = np.abs(right.T * np.linalg.pinv(right))[:, m:m + n]
+    swings = poles.imag > 1e-6 * np.abs(poles)
+    share = np.where(swings[:, None], 2.0 * part, np.where(poles.imag[:, None] < 0.0, 0.0, part))  # of a pair both
     for row, dof in zip(*linear_sum_assignment(-share)):
-        s = poles[swinging[row]]
-        # A body without stiffness takes a small part in an oscillation of its radiation states.
-        if (share[row, dof] > 0.1 * share[:, dof].max() and model.C[dof, dof] != 0.0
-                and model.dofs[dof] not in loose):
+        s = poles[row]
+        if swings[row] and model.C[dof, dof] != 0.0 and model.dofs[dof] not in loose:
             period[dof], ratio[dof] = 2.0 * np.pi / s.imag, np.round(-s.real / abs(s), 12) + 0.0
     return Modes(model.dofs, period, ratio)
 

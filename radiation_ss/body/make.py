@@ -10,6 +10,7 @@ import numpy as np
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import no_radiation
 from radiation_ss.body.convert import as_model
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import TOLERANCES, Model, checked_tolerance
 from radiation_ss.body.particulars import (
     RESTORED,
@@ -89,9 +90,19 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
     if data is not None:
         data = data.replace(M=M, C=C, D=D)
     model = Model(p.dof, M, A_inf, C, fit or no_radiation(p.dof), D, data, name)
+    _refuse_other_swing(p, model)
     for text in size_doubts(p, model):
         warnings.warn(InputWarning(text), stacklevel=2)
     return model.replace(tolerance=every or _tolerances(said, p, data, fit, model))
+
+
+def _refuse_other_swing(p: Particulars, model: Model) -> None:
+    """Refuse a period that only a mode of the radiation has: the body's own displacement goes by another."""
+    for dof, found in zip(model.dofs, natural_modes(model).period):
+        asked = p.of("period", dof)
+        if asked is not None and not np.isclose(found, asked, rtol=1e-4):
+            raise InputError(f"period of {dof}: {asked:g} s; no body that is released oscillates so with this inertia "
+                             "and radiation; check the period [s] and the mass [kg]")
 
 
 def _inputs(radiation: Any, section: Any, length: float | None, depth: float, numbers: Mapping[str, Any],
@@ -230,6 +241,8 @@ def _stated(p: Particulars, dof: str, data: HydroData | None, fit: RadiationFit 
         M = float(_inertia_matrix(p, data)[0, 0])  # about the reference point, as of several degrees of freedom
     A = entry(data, "A_inf") if p.of("added_mass", dof) is None else p.of("added_mass", dof)
     C = entry(data, "C") if p.stiffness(dof) is None else p.stiffness(dof)
+    if C == 0.0 and p.stiffness(dof) is None and mode(dof) in HORIZONTAL:
+        C = None  # hydrostatics restore none of these: it says nothing of a mooring
     return M, entry(fit, "A_inf") if A is None else A, C
 
 

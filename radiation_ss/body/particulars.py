@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from radiation_ss.arrays import FloatArray, positive, read_only
+from radiation_ss.arrays import FloatArray, check_height, positive, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
@@ -80,6 +80,8 @@ class Particulars:
                 raise InputError(f"units of {named}: units are of the displacement of a degree of freedom of your own; "
                                  "numbers are in SI (kg, m, s), motions of a rigid body in m and rad")
         object.__setattr__(self, "dof", tuple(dofs))
+        if self.centre_of_gravity is not None:
+            check_height(self.centre_of_gravity, "centre_of_gravity")
         for name in ("mass", "GM", "C", "gyradius", "period", "damping_ratio", "added_mass", "rho", "g"):
             if (value := getattr(self, name)) is not None:
                 self._check(name, value)
@@ -216,13 +218,17 @@ def from_period(period: float, ratio: float | None, K: Transfer, *, inertia: flo
 
 
 def own_ratio(solve: Callable[[float], tuple[float, float]], period: float) -> float:
-    """Return the damping ratio at which `solve` finds no damping beside radiation."""
-    if abs(solve(0.0)[1]) <= 1e-12 * abs(solve(0.5)[1]):
+    """Return the least damping ratio at which `solve` finds no damping beside radiation."""
+    def beside(ratio: float) -> float:
+        return solve(ratio)[1]
+
+    if abs(beside(0.0)) <= 1e-12 * abs(beside(0.5)):
         return 0.0
-    try:
-        return float(brentq(lambda ratio: solve(ratio)[1], 0.0, 0.99))
-    except ValueError:
-        raise InputError(f"period: {period:g} s; the body does not oscillate so with this radiation") from None
+    tried = np.linspace(0.0, 0.99, 100)  # with radiation several may do: the others are radiation's own
+    turns = np.flatnonzero(np.diff(np.sign([beside(ratio) for ratio in tried])))
+    if not turns.size:
+        raise InputError(f"period: {period:g} s; the body does not oscillate so with this radiation")
+    return float(brentq(beside, tried[turns[0]], tried[turns[0] + 1]))
 
 
 def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float) -> float:

@@ -15,7 +15,7 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.columns import own_dofs
 from radiation_ss.units import in_si, understood
-from radiation_ss.waves.force import energy_outside
+from radiation_ss.waves.force import around, energy_outside
 
 if TYPE_CHECKING:
     from radiation_ss.body.model import Model
@@ -104,9 +104,12 @@ def heading(given: float | None, model: Model) -> float:
         return float(known[0]) if known is not None and len(known) == 1 else 0.0
     if not np.isfinite(given):
         raise InputError(f"--heading {given:g}: a finite angle in degrees is needed")
-    if known is not None and not np.degrees(min(known)) - 1e-6 <= given <= np.degrees(max(known)) + 1e-6:
-        raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
-                         f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg")
+    if model.hydro is not None and known is not None:
+        try:
+            around(model.hydro, float(np.radians(given)))
+        except InputError:
+            raise InputError(f"--heading {given:g}: the model's file has wave excitation forces from "
+                             f"{np.degrees(min(known)):g} to {np.degrees(max(known)):g} deg") from None
     return float(np.radians(given))
 
 

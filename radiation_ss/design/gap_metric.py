@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import LinAlgError, solve_continuous_are, solve_triangular
+from scipy.linalg import LinAlgError, matrix_balance, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.dynamics import UNDO, Matrices
@@ -24,8 +24,10 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
                input_scale: ArrayLike | None = None, output_scale: ArrayLike | None = None) -> float:
     """Return Vinnicombe's nu-gap between two plants, 0 (the same to any feedback) to 1 (nothing in common).
 
-    A controller with margin b(P1, C) > gap stabilises P2, and arcsin b(P2, C) >= arcsin b(P1, C) - arcsin gap. The
-    winding-number condition is checked by counting zeros, not on a grid; where it fails the gap is 1.
+    It compares what goes from inputs to outputs: modes that no input reaches, or no output shows, are left out, and
+    counted by `robust_margin`. A controller with margin b(P1, C) > gap stabilises P2, and arcsin b(P2, C) >= arcsin
+    b(P1, C) - arcsin gap. The winding-number condition is checked by counting zeros, not on a grid; where it fails the
+    gap is 1.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
     InputError
         If sizes or time steps differ.
     SolverError
-        If a normalised coprime factorisation does not exist (a mode on the stability limit that cannot be moved).
+        If no normalised coprime factorisation is found.
 
     Examples
     --------
@@ -50,7 +52,7 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
     >>> round(rss.gap_metric(plant, plant), 6)
     0.0
     """
-    first, second = continuous(P1, input_scale, output_scale), continuous(P2, input_scale, output_scale)
+    first, second = (minimal(*continuous(P, input_scale, output_scale)) for P in (P1, P2))
     if first[3].shape != second[3].shape or P1.dt != P2.dt:
         raise InputError(f"P1, P2: sizes {first[3].shape} and {second[3].shape}, time steps {P1.dt} and {P2.dt}; "
                          "they must agree")
@@ -66,8 +68,9 @@ def robust_margin(P: ct.StateSpace | ct.TransferFunction, C: ct.StateSpace | ct.
                   input_scale: ArrayLike | None = None, output_scale: ArrayLike | None = None) -> float:
     """Return the margin b(P, C) = 1 / || [P; I] (I + C P)^-1 [C  I] ||_inf of a negative feedback u = -C y, 0 to 1.
 
-    0 if the loop is not stable. 0.3 is comfortable: about 5 dB and 35 degrees at every frequency. A gain margin of at
-    least (1 + b)/(1 - b) and a phase margin of at least 2 arcsin b follow.
+    0 if the loop is not stable; a mode on the stability limit or beyond it that the other does not move counts, too.
+    0.3 is comfortable: about 5 dB and 35 degrees at every frequency. A gain margin of at least (1 + b)/(1 - b) and a
+    phase margin of at least 2 arcsin b follow.
 
     Parameters
     ----------
@@ -106,7 +109,8 @@ def robust_margin(P: ct.StateSpace | ct.TransferFunction, C: ct.StateSpace | ct.
     drive = np.block([[-b @ E @ h, b @ E], [f @ (np.eye(n_out) - d @ E @ h), f @ d @ E]])
     read = np.block([[c - d @ E @ h @ c, -d @ E @ g], [-E @ h @ c, -E @ g]])
     direct = np.block([[-d @ E @ h, d @ E], [-E @ h, E]])
-    if state.size and np.linalg.eigvals(state).real.max() >= 0.0:
+    poles = np.linalg.eigvals(state)
+    if poles.size and poles.real.max() >= -1e-12 * np.abs(poles).max():
         return 0.0
     return 1.0 / hinf_norm(state, drive, read, direct)
 
@@ -131,6 +135,28 @@ def scale(value: ArrayLike | None, size: int, name: str) -> FloatArray:
         raise InputError(f"{name}: {units.tolist()}; one positive number, or one for each of the plant's {size}, is "
                          "needed")
     return np.broadcast_to(units, (size,))
+
+
+def minimal(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
+    """Return the part of a system that its inputs reach and its outputs show."""
+    for _ in range(2):  # reached, then, in the transposed system, shown
+        a, (size, _) = matrix_balance(a, permute=False, separate=True) if a.size else (a, (np.ones(0), None))
+        b, c = b / size[:, None], c * size
+        basis = reached(a, b)
+        a, b, c, d = (basis.T @ a @ basis).T, (c @ basis).T, (basis.T @ b).T, d.T
+    return a, b, c, d
+
+
+def reached(a: FloatArray, b: FloatArray, least: float = 1e-10) -> FloatArray:
+    """Return an orthonormal basis (N, k) of the states that inputs reach, but for shares below `least`."""
+    basis, new, size = np.zeros((len(a), 0)), b, np.linalg.norm(b, 2) if b.size else 0.0
+    while new.shape[1]:
+        new = new - basis @ (basis.T @ new)
+        left, part, _ = np.linalg.svd(new - basis @ (basis.T @ new), full_matrices=False)
+        new = left[:, part > least * size]
+        basis = np.hstack([basis, new])
+        new, size = a @ new, np.linalg.norm(a, 2) if a.size else 0.0
+    return basis
 
 
 def right_graph(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:

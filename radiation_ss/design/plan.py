@@ -243,8 +243,10 @@ def plan_tests(model: Model, amplitude: float | Mapping[str, float] | None = Non
         menu = [t for t in every if tests is None or t.name.startswith(tuple(listed(tests)))]
         full = [] if any(t.large for t in menu) else [t for t in every if t.large]
     if not menu:
-        raise InputError("tests: none of the menu is left; its names begin with decay, forced sweep, waves with force, "
-                         "waves with elevation (where the model carries X)")
+        swings = bool(np.any(np.diag(model.C) > 0.0))
+        none = "" if swings else f"; there is no decay, as nothing oscillates: C restores no {' or '.join(model.dofs)}"
+        raise InputError(f"tests: none of the menu is left; its names begin with {'decay, ' * swings}forced sweep, "
+                         f"waves with force, waves with elevation (where the model carries X){none}")
     spread = tolerances(tolerance, model.tolerance)
     # What the fit of the memory leaves out counts as tolerance, as in `diagnose`.
     spread["kernel"] = float(np.hypot(spread["kernel"], np.nan_to_num(model.fit.relative_error)))

@@ -14,17 +14,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from radiation_ss.arrays import FloatArray, positive, read_only
-from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.bank import bank_of
-from radiation_ss.filter.default import DefaultEngine
+from radiation_ss.export.filter_source import filter_source
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
 from radiation_ss.simulation.equations import signals_of, state_equations, without_delays
 
@@ -160,10 +156,10 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), by the
     classical Runge-Kutta method under constant u, in several steps where the fastest pole asks for them. Of a DualEnKF
     after `prepare` or `run`: `filter_step` (x, y) -> (x, force, its standard deviation), the Kalman filter at the
-    parameters reached so far, with the gain that it settles to and the record's interval, and beside it one for each
-    direction in which the parameters are unsure: the standard deviation holds both. A sample that is NaN, or beyond
-    the filter's gate, counts as missing: the gain stays, and the standard deviation, which is for all channels, is NaN
-    then. For a channel that stays away write a filter without it. x is zero before the first sample.
+    parameters reached so far, at the record's interval, and beside it one for each direction in which the parameters
+    are unsure: the standard deviation holds both. A sample that is NaN, or beyond the filter's gate, counts as missing:
+    gain and standard deviation are then those of a filter without it, at the price of a step that takes longer, until
+    they have settled again. x is zero before the first sample.
 
     Parameters
     ----------
@@ -193,7 +189,7 @@ def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = 
     if target.suffix != ".c" or not target.stem.isidentifier() or not target.parent.is_dir():
         raise InputError(f"{path}: a name of letters, digits and _ that ends in .c, in a folder that exists, is needed")
     if isinstance(plant, DualEnKF):
-        functions, lists = _filter(plant)
+        functions, lists = filter_source(plant)
         dt = plant.interval
     else:
         functions, lists = _plant(plant, without_delays(plant, effects), dt)
@@ -228,63 +224,6 @@ def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
 def _symbols(rate: ca.Function) -> tuple[list[Any], list[Any]]:
     arguments = [ca.MX.sym(f"i{k}", rate.sparsity_in(k)) for k in range(rate.n_in())]
     return arguments, list(rate(*arguments))
-
-
-def _filter(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]:
-    """Return the filter's step, and the names of its channels."""
-    engine = filter_.engine
-    if not isinstance(engine, DefaultEngine):
-        raise InputError("write_c: a default DualEnKF (preset=None) after prepare(record) or run(record) is needed")
-    there = np.isfinite(filter_.sensor_noise.ravel())
-    centre, near = engine.state.theta[:, -2], 0.1
-    thetas = centre + near * np.vstack([np.zeros(centre.size), deviations(filter_, engine.state.theta[:, :-2].T)])
-    plants = [system_matrices(filter_.model.replace(fit=filter_.parts.fit(theta))) for theta in thetas]
-    bank = bank_of(plants, filter_.force_model, filter_.sensor_noise, engine.state.P)
-    (F, Q), H = bank.steps(filter_.interval), bank.H[:, there]
-    gain, spread, innovation = settled_gain(F[0], Q, H[0], np.diag(engine.system.r[there]))
-    size, count = F[0].shape[0], len(thetas)
-    x, y = ca.MX.sym("x", size * count), ca.MX.sym("y", int(there.sum()))
-    ahead = ca.horzcat(*(ca.mtimes(ca.sparsify(ca.DM(own)), part) for own, part in zip(F, ca.vertsplit(x, size))))
-    e = ca.horzcat(*(y - ca.mtimes(ca.sparsify(ca.DM(own)), ahead[:, k]) for k, own in enumerate(H)))
-    taken = ca.fabs(e[:, 0]) < engine.rules.gate * np.sqrt(innovation)
-    after = ahead + ca.mtimes(ca.DM(gain), ca.if_else(ca.repmat(taken, 1, count), e, 0.0))
-    force = after[size - 2 * filter_.model.n:size:2, :]
-    apart = (force[:, 1:] - ca.repmat(force[:, 0], 1, count - 1)) / near  # by a standard deviation of the parameters
-    whole = ca.sqrt(spread[size - 2 * filter_.model.n:size:2] ** 2 + ca.sum2(apart**2))
-    std = ca.if_else(ca.mmin(taken), whole, np.nan)
-    step = ca.Function("filter_step", [x, y], [ca.vec(after), force[:, 0], std], ["x", "y"], ["after", "force", "std"])
-    channels = [name for name, have in zip(rows_of(filter_.model.dofs), there) if have]
-    without = [np.eye(size) - np.delete(gain, k, 1) @ np.delete(H[0], k, 0) for k in range(len(channels))]
-    held = [name for name, left in zip(channels, without) if np.abs(np.linalg.eigvals(left @ F[0])).max() > 1.0 + 1e-9]
-    return [step], {"y": channels, "force": list(filter_.model.dofs), "std": ["NaN where a channel is missing"],
-                    "the force diverges while one of these is missing": held or ["none"]}
-
-
-def deviations(filter_: DualEnKF, members: FloatArray, least: float = 0.1) -> FloatArray:
-    """Return the directions (k, n_theta) of the members (N, n_theta) along which K varies most, one deviation long.
-
-    Each entry of K in units of the largest of its two motions; those below a share `least` of the first are left out.
-    """
-    fits = [filter_.parts.fit(theta) for theta in members]
-    poles = np.abs(np.linalg.eigvals(fits[0].a))
-    K = np.stack([fit.frequency_response(np.geomspace(0.3 * poles.min(), 3.0 * poles.max(), 24)) for fit in fits])
-    size = np.sqrt(np.abs(np.einsum("mwii->mwi", K)).max(axis=(0, 1)))
-    rows = ((K - K.mean(axis=0)) / np.outer(size, size)).reshape(len(fits), -1)
-    u, share, _ = np.linalg.svd(np.hstack([rows.real, rows.imag]), full_matrices=False)
-    return np.asarray(u[:, share > least * share[0]].T @ (members - members.mean(axis=0)) / np.sqrt(len(fits) - 1))
-
-
-def settled_gain(F: FloatArray, Q: FloatArray, H: FloatArray, R: FloatArray,
-                 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the gain that a Kalman filter settles to, the standard deviation of its states and of its innovations."""
-    try:
-        P = solve_discrete_are(F.T, H.T, Q, R)
-    except np.linalg.LinAlgError as error:
-        raise SolverError(f"write_c: the filter's gain does not settle ({error})") from None
-    S = H @ P @ H.T + R
-    gain = np.linalg.solve(S, H @ P).T
-    left = np.maximum(np.diag(P - gain @ S @ gain.T), 0.0)
-    return np.asarray(gain), np.sqrt(left), np.sqrt(np.diag(S))
 
 
 def _head(functions: list[ca.Function], lists: dict[str, list[str]], dt: float | None) -> str:

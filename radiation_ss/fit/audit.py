@@ -41,7 +41,7 @@ class Audit(Brief):
     # Smallest eigenvalue of the damping in the data, scaled, relative to the largest in size: what the data themselves
     # are
     data_margin: float
-    # `relative_error` of minus the model. Smaller than that: its output is the force on the body, -K times velocity.
+    # `relative_error` of minus the model: small where its output is the force on the body, -K times velocity.
     opposite_error: float
 
     @property
@@ -74,7 +74,7 @@ class Audit(Brief):
                  f"  error over all entries {self.relative_error:.3f}, median of the diagonal "
                  f"{self.diagonal_error:.3f}, asymmetry {self.asymmetry:.1e}",
                  f"  the data themselves: smallest eigenvalue of the damping {self.data_margin:.1e} of the largest"]
-        if self.opposite_error < self.relative_error:
+        if self.opposite_error < min(self.relative_error, 0.5):  # nearer to the data than to no radiation
             lines.insert(1, f"  this looks like -K, whose output is the force on the body: with the other sign "
                             f"the error is {self.opposite_error:.3f}")
         worst = sorted((-error, dof) for error, dof in zip(np.diag(self.entry_error), self.dofs) if not np.isnan(error))

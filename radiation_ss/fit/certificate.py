@@ -17,7 +17,7 @@ class Certificate:
 
     abscissa: float  # Largest real part of the poles [rad/s]; negative means stable
     # Smallest eigenvalue of the Hermitian part of K(iw) over all w >= 0, relative to the largest in size. A strictly
-    # proper K tends to zero, so 0 is the best value; below -1e-9 the model makes energy.
+    # proper K tends to zero, so 0 is its best value; below -1e-9 the model makes energy.
     margin: float
     worst_omega: float  # Where the smallest is attained [rad/s] (inf if in the limit)
     relative_degree: int  # 1 for a model of radiation; L(0+) = c b is then not zero. 0 if there is a feed-through.
@@ -70,8 +70,11 @@ def certify(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray | None = 
     values = np.linalg.eigvalsh(0.5 * (K + np.conj(np.swapaxes(K, 1, 2))))
     largest = max(float(np.abs(values).max()), 1e-300)
     worst = int(np.argmin(values[:, 0]))
-    margin = 0.0 if proved else min(float(values[worst, 0]) / largest, 0.0)
-    at = float(omega[worst]) if margin < 0.0 else np.inf
+    least, limit = float(values[worst, 0]), float(np.linalg.eigvalsh(0.5 * (d + d.T))[0])
+    least, at = (least, float(omega[worst])) if least < limit else (limit, np.inf)
+    if proved and least < 0.0:  # rounding
+        least, at = 0.0, np.inf
+    margin = least / largest
     at_rest = _apart(np.zeros(1), infinite)
     zero = float(np.abs(frequency_response(a, b, c, 0.0) + d).max()) / largest if at_rest.size else np.inf
     degree = 0 if d.any() else 1 if np.abs(c @ b).max() > 1e-9 * rate * largest else 2

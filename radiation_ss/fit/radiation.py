@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
 from radiation_ss.fit.choices import Trial
@@ -228,7 +228,7 @@ def _check(data: HydroData, order: Any, at_zero: object, method: str) -> None:
     if order is not None and order < 1:
         raise InputError(f"order: {order} found; at least 1 is needed (2 with at_zero='zero')")
     if data.omega.size < 3:
-        raise InputError(f"{data.source or 'data'}: {data.omega.size} frequencies; at least 3 are needed for a fit")
+        raise InputError(f"{data.source or 'data'}: {frequencies(data.omega.size)}; at least 3 are needed for a fit")
     if method not in ("casadi", "quasi-newton"):
         raise InputError(f"method: {method!r} found; use 'casadi' or 'quasi-newton'")
     if isinstance(at_zero, str) and at_zero not in ("free", "zero"):

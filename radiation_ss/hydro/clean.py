@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import block_diag
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, frequencies, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import MATRICES, RIGID, ROTATIONS, TRANSLATIONS, HydroData, body, mode
 from radiation_ss.hydro.measures import bands, damping_scale, percent, roughness, said, scaled
@@ -72,7 +72,7 @@ def _keep(data: HydroData, keep: np.ndarray, why: str) -> HydroData:
     if keep.all():
         return _noted(data, f"no frequency lies {why}" if why.startswith("outside") else "no frequency left out")
     if keep.sum() < 2:
-        raise InputError(f"{data.source or 'data'}: only {int(keep.sum())} frequencies would be left ({why})")
+        raise InputError(f"{data.source or 'data'}: only {frequencies(int(keep.sum()))} would be left ({why})")
     gone = said(bands(data.omega, ~keep))
     rows = {name: value[keep] for name in ("omega", "A", "B", "X") if (value := getattr(data, name)) is not None}
     return _noted(data, f"{int((~keep).sum())} of {keep.size} frequencies left out {why}: {gone}", **rows)
@@ -166,7 +166,7 @@ def text(data: HydroData) -> str:
     dofs = ", ".join(data.dofs[:6]) + (f" and {data.n - 6} more" if data.n > 6 else "")
     there = [name for name in (*MATRICES, "X") if getattr(data, name) is not None]
     lines = [f"HydroData of {data.source or 'numbers'}", f"  {data.n} degrees of freedom: {dofs}",
-             f"  {data.omega.size} frequencies: {data.omega[0]:.4g} to {data.omega[-1]:.4g} rad/s",
+             f"  {frequencies(data.omega.size)}: {data.omega[0]:.4g} to {data.omega[-1]:.4g} rad/s",
              f"  A, B{''.join(', ' + name for name in there)}",
              f"  rho {data.rho:g} kg/m^3, g {data.g:g} m/s^2, depth {data.depth:g} m, rotations about "
              f"({', '.join(f'{v:g}' for v in data.reference_point)}) m"]

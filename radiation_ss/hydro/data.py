@@ -142,6 +142,7 @@ class HydroData(Shown):
             fixed["directions"] = angles = read_only(directions, "directions", (X.shape[1],))
             if (far := np.abs(angles).max(initial=0.0)) > 2.0 * np.pi + 1e-6:
                 raise InputError(f"directions: {far:g} is too much for radians; np.deg2rad turns degrees")
+            _refuse_two_forces(X, angles, dofs)
         for name, unit in (("rho", "kg/m^3"), ("g", "m/s^2"), ("depth", "m")):
             fixed[name] = positive(getattr(self, name), name, unit, or_infinite=name == "depth")
         point = read_only(self.reference_point, "reference_point (x, y, z) [m]", (3,), finite=False)
@@ -306,6 +307,16 @@ class HydroData(Shown):
 
         return ct.frd(np.moveaxis(self.K, 0, -1), self.omega, inputs=[f"{signal(d)}_vel" for d in self.dofs],
                       outputs=[f"{signal(d)}_rad" for d in self.dofs], name="radiation")
+
+
+def _refuse_two_forces(X: ComplexArray, angles: FloatArray, dofs: tuple[str, ...], alike: float = 0.01) -> None:
+    """Refuse forces of one direction, but for whole turns, that differ by more than a share of the largest."""
+    for i, j in np.argwhere(np.triu(np.abs(np.exp(1j * (angles[:, None] - angles)) - 1.0) < 1e-6, 1)):
+        for unit in {motion_unit(dof) for dof in dofs}:
+            forces = X[:, :, [motion_unit(dof) == unit for dof in dofs]]
+            if np.abs(forces[:, i] - forces[:, j]).max() > alike * np.abs(forces).max():
+                raise InputError(f"directions: {np.degrees(angles[i]):.6g} and {np.degrees(angles[j]):.6g} deg are one "
+                                 "direction, and have different forces; give each direction once")
 
 
 def signal(dof: str) -> str:

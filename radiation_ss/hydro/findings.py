@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.hydro.transforms import Tail
 from radiation_ss.methods import Shown, later
 
@@ -72,7 +72,7 @@ class QualityReport(Shown):
         """Return the report as text, a line for each finding, at most `most` of a kind."""
         data = self.data
         many = "s" if data.n > 1 else ""
-        head = (f"{data.source or 'coefficients'}: {data.n} degree{many} of freedom, {data.omega.size} frequencies "
+        head = (f"{data.source or 'coefficients'}: {data.n} degree{many} of freedom, {frequencies(data.omega.size)} "
                 f"from {data.omega[0]:.3g} to {data.omega[-1]:.3g} rad/s, rho {data.rho:g} kg/m^3, depth "
                 f"{data.depth:g} m")
         verdict = "no problem found" if self.ok else f"{len(self.problems)} problem(s) found"

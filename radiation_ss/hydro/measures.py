@@ -239,13 +239,15 @@ def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence
     return float(np.angle(total)) if total else None
 
 
-def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: float = 1e-3) -> Iterator[str]:
+def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: float = 1e-3,
+              both: float = np.sqrt(2.0)) -> Iterator[str]:
     """Yield a sentence for each heave whose force or damping is `apart` times off what it must be in long waves.
 
     There the force is the stiffness times the elevation and, alike from all sides, B = k |X|^2 / (4 rho g v_g) (Newman
     1977, Marine Hydrodynamics, chapter 6). Long: a share `long` at most is k times the side of the waterplane, and the
     inertia's part of the stiffness. Damping below a share `noise` of the added mass's part may be rounding. With one
-    heading, or two along one line, the body may stand between walls: then the damping is larger.
+    heading, or two along one line, the body may stand between walls: then the damping is larger. A force that is off
+    by less, from `both` on, is named where stiffness and damping agree on it: waves have height or amplitude.
     """
     if data.X is None or data.C is None or data.directions is None:
         return
@@ -258,16 +260,21 @@ def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: flo
         near = (k**2 * C < long**2 * rho_g) & (data.omega**2 * (M + np.abs(data.A[:, i, i])) < long * C)
         force = np.sqrt(np.mean(np.abs(data.X[near, :, i]) ** 2, axis=1))
         times = float(force[0]) / C if near.any() else 1.0  # a deep body feels less of shorter waves
+        made = k[near] * force**2 / (4.0 * rho_g * group_velocity(data.omega[near], k[near], data.depth))
+        clear = made > noise * data.omega[near] * np.abs(data.A[near, i, i])
+        damped = float(np.median((data.B[near, i, i] / made)[clear])) if clear.any() else 1.0
+        if not 1.0 / both < times < both and 1.0 / both < damped * times**2 < both:
+            yield (f"in long waves the wave force on {dof} is {times:.3g} times what its stiffness says, and "
+                   f"{np.sqrt(1.0 / damped):.3g} times what its damping says; X is in another unit (rho, g, 1000), or "
+                   "for the height of a wave, not its amplitude (0.5 or 2)")
+            continue
         if not 1.0 / apart < times < apart:
             yield (f"in long waves the wave force on {dof} is {times:.3g} times the elevation's part of its stiffness, "
                    "and must be once; X or C is in another unit (rho, g, 1000)")
             continue
-        made = k[near] * force**2 / (4.0 * rho_g * group_velocity(data.omega[near], k[near], data.depth))
-        clear = made > noise * data.omega[near] * np.abs(data.A[near, i, i])
-        times = float(np.median((data.B[near, i, i] / made)[clear])) if clear.any() else 1.0
-        if 0.0 < times < 1.0 / apart or (round_about and times > apart):
-            yield (f"in long waves the damping of {dof} is {times:.3g} times what its wave force says; B, or both, are "
-                   "in another unit (rho, omega)")
+        if 0.0 < damped < 1.0 / apart or (round_about and damped > apart):
+            yield (f"in long waves the damping of {dof} is {damped:.3g} times what its wave force says; B, or both, "
+                   "are in another unit (rho, omega)")
 
 
 def is_led(lead: float | None) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData, body, mode
 from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
@@ -83,7 +83,7 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     w = data.omega
     zero = np.zeros((data.n, data.n))
     if w.size < 8:
-        few = Finding("coarse band", True, 1.0, ((w[0], w[-1]),), (), f"only {w.size} frequencies; 8 are needed for "
+        few = Finding("coarse band", True, 1.0, ((w[0], w[-1]),), (), f"only {frequencies(w.size)}; 8 are needed for "
                       "Kramers-Kronig, spikes and tail")
         missing = Finding("A_inf missing", False, 0.0, (), data.dofs, "and too few frequencies to estimate it")
         return (np.zeros_like(data.A), Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero),

@@ -130,7 +130,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     offset : float
         [s]
     correlation : float
-        Of the two signals at this offset.
+        Of the two signals at this offset, where both are there.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     reach = largest if largest is not None else 0.5 * dt * min(a.size, b.size) + abs(t1[0] - t2[0])
     lags, alike = _correlation(a, b, dt, ORDER.get(other_suffix, 0) - ORDER.get(suffix, 0))
     offsets = t1[0] - t2[0] - lags
-    within = np.abs(offsets) <= reach
+    within = (np.abs(offsets) <= reach) & np.isfinite(alike)
     if not within.any():
         raise InputError(f"clocks: {record.name} begins at {t1[0]:.10g} s, {other.name} at {t2[0]:.10g} s; no offset "
                          f"within {reach:.4g} s joins them, give a larger one (largest)")
@@ -168,7 +168,7 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     best = int(np.argmax(alike))
     if -least_alike >= least and 1.0 + least_alike < 0.75 * (1.0 - alike[best]):
         raise InputError(f"clocks: {channel} of {record.name} and {other_channel} of {other.name} are alike with a "
-                         f"turned sign (correlation {least_alike:.2f}, else {alike[best]:.2f}); turn one")
+                         f"turned sign (correlation {least_alike:.4f}, else {alike[best]:.4f}); turn one")
     if not alike[best] >= least:
         raise InputError(f"clocks: {channel} of {record.name} and {other_channel} of {other.name} are nowhere alike "
                          f"within {reach:.4g} s (correlation {alike[best]:.2f}, {least:g} needed)")
@@ -178,18 +178,45 @@ def clock_offset(record: Record, other: Record, channel: str, other_channel: str
     return float(offsets[best] - peak * (lags[1] - lags[0])), float(alike[best])
 
 
-def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int) -> tuple[FloatArray, FloatArray]:
-    """Return lags [s], four a sample, and the correlation in the band of a, with a (b, if negative) differentiated."""
+def _correlation(a: FloatArray, b: FloatArray, dt: float, order: int, fine: int = 4) -> tuple[FloatArray, FloatArray]:
+    """Return lags [s], `fine` a sample, and the correlation in the band of a, with a (b, if negative) differentiated.
+
+    Over the samples that both have at a lag; NaN where these hold less than half the energy of either signal.
+    """
+    band = _band(a, dt)
+    ends = int(min(2.0 * np.pi / (band[0] * dt), a.size / 8, b.size / 8))  # which the filter reaches past
+    a, b = (_differentiated(x, dt, band, max(k, 0), fine)[fine * ends:fine * (x.size - ends)]
+            for x, k in ((a, order), (b, -order)))
     size = 1 << int(np.ceil(np.log2(a.size + b.size)))
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, dt), dtype=np.float64)
-    A, B = (np.fft.rfft((x - x.mean()) * np.hanning(x.size), size) for x in (a, b))
-    band = band_of(omega, A)
-    A = np.where(band, A * (1j * omega) ** max(order, 0), 0.0)
-    B = np.where(band, B * (1j * omega) ** max(-order, 0), 0.0)
-    whole = float(np.sum(np.abs(A) ** 2) * np.sum(np.abs(B) ** 2))
-    alike = 2.0 * size * np.fft.irfft(np.conj(A) * B, 4 * size) / np.sqrt(whole) if whole > 0.0 else np.zeros(4 * size)
-    lags = np.asarray(0.25 * dt * np.fft.fftfreq(4 * size, 1.0 / (4 * size)), dtype=np.float64)
-    return lags, alike
+    lags = np.asarray(np.fft.fftfreq(size, 1.0 / size).round(), dtype=np.intp)  # b[k + lag] beside a[k]
+    cross = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)
+    held = []
+    for x, first, end in ((a, -lags, b.size - lags), (b, lags, a.size + lags)):
+        energy = np.r_[0.0, np.cumsum(x**2)]
+        held.append(energy[np.clip(end, 0, x.size)] - energy[np.clip(first, 0, x.size)])
+    whole = np.sqrt(held[0] * held[1])
+    alike = np.divide(cross, whole, out=np.zeros(size), where=whole > 0.0)
+    alike[(held[0] < 0.5 * np.sum(a**2)) & (held[1] < 0.5 * np.sum(b**2))] = np.nan
+    return np.asarray(dt / fine * lags, dtype=np.float64), alike
+
+
+def _band(x: FloatArray, dt: float) -> tuple[float, float]:
+    """Return the lowest and the highest frequency [rad/s] of a signal's band."""
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(x.size, dt), dtype=np.float64)
+    inside = omega[band_of(omega, np.fft.rfft((x - x.mean()) * np.hanning(x.size)))]
+    return (float(inside[0]), float(inside[-1])) if inside.size else (np.inf, np.inf)
+
+
+def _differentiated(x: FloatArray, dt: float, band: tuple[float, float], order: int, fine: int) -> FloatArray:
+    """Return a derivative of a signal in a band, `fine` values a sample.
+
+    The signal is mirrored through its ends, where a cut would make a step.
+    """
+    mirrored = np.pad(x - x.mean(), x.size, mode="reflect", reflect_type="odd")
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(mirrored.size, dt), dtype=np.float64)
+    inside = (omega >= band[0]) & (omega <= band[1])
+    spectrum = np.where(inside, np.fft.rfft(mirrored) * (1j * omega) ** order, 0.0)
+    return np.asarray(np.fft.irfft(spectrum, fine * mirrored.size)[fine * x.size:2 * fine * x.size], dtype=np.float64)
 
 
 def joined(record: Record, other: Record, offset: float = 0.0) -> Record:

@@ -1,6 +1,7 @@
 """BEMIO's .h5, the form of WEC-Sim: one group for each body, coefficients as WAMIT leaves them.
 
-A / rho, B / (rho w), X / (rho g), C / (rho g); e^{+i w t}; angles in degrees; moments about each body's `cg`.
+A / rho, B / (rho w), X / (rho g), C / (rho g); e^{+i w t}; directions in degrees, phases in rad; moments about each
+body's `cg`.
 """
 
 from pathlib import Path
@@ -60,14 +61,17 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
             notes.append(f"{path}: from {code}, so BEMIO's inf_freq may be its estimate, not a computed limit")
     if there("linear_restoring_stiffness"):
         fields["C"] = block_diag(*np.split(weight * stacked("linear_restoring_stiffness", 6), len(groups)))
-    halves = [f"{b}/hydro_coeffs/excitation/{part}" for b in groups for part in ("re", "im")]
+    force = f"{groups[0]}/hydro_coeffs/excitation"
+    parts = ("re", "im") if f"{force}/re" in file or f"{force}/im" in file else ("mag", "phase")
+    halves = [f"{b}/hydro_coeffs/excitation/{part}" for b in groups for part in parts]
     absent = [name for name in halves if name not in file]
     if 0 < len(absent) < len(halves):
         notes.append(f"{path}: {', '.join(absent)} missing; X is left out")
     if not absent:
-        angle = _array(path, file, f"{HEAD}/wave_dir").ravel()
-        X = stacked("excitation/re", angle.size, nw) + 1j * stacked("excitation/im", angle.size, nw)
-        fields |= {"X": weight * X.transpose(2, 1, 0), "directions": np.deg2rad(angle)}
+        angle = _directions(path, file, notes)
+        one, other = (stacked(f"excitation/{part}", angle.size, nw) for part in parts)
+        X = one + 1j * other if parts == ("re", "im") else one * np.exp(1j * other)
+        fields |= {"X": weight * X.transpose(2, 1, 0), "directions": angle}
     dofs = six_dofs(bodies)
     if code == "NEMOH" and is_reversed(horizontal_lead(fields.get("X"), fields.get("C"), dofs,
                                                        fields.get("directions"))):
@@ -76,6 +80,22 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
     points = {b: _point(path, file, f"{b}/properties/cg") for b in groups if f"{b}/properties/cg" in file}
     return assemble(path, omega, np.moveaxis(A, -1, 0), np.moveaxis(B, -1, 0), dofs, notes=notes,
                     points=points if len(points) == len(groups) else None, **stated, **fields)
+
+
+def _directions(path: Path, file: Any, notes: list[str]) -> FloatArray:
+    """Return the directions [rad]: degrees, unless they are labelled as radians and can be some.
+
+    Capytaine's writer labels so what it writes; the older Python BEMIO what are degrees.
+    """
+    angle, unit = _array(path, file, f"{HEAD}/wave_dir").ravel(), file[f"{HEAD}/wave_dir"].attrs.get("units", b"deg")
+    unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+    if not unit.strip(" []").lower().startswith("rad") or not angle.any():
+        return np.deg2rad(angle)
+    if np.abs(angle).max() > 2.0 * np.pi + 1e-6:
+        notes.append(f"{path}: wave_dir is labelled {unit}, and {np.abs(angle).max():g} is too much; taken as degrees")
+        return np.deg2rad(angle)
+    notes.append(f"{path}: wave_dir is labelled {unit}, and taken so; the older Python BEMIO labels degrees so")
+    return angle
 
 
 def _array(path: Path, file: Any, name: str, shape: tuple[int, ...] | None = None) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, positive, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, check_height, positive, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.hydro.clean import rigid_inertia
 from radiation_ss.hydro.data import HydroData
@@ -149,8 +149,7 @@ def _depth(section: Section, depth: float) -> float:
 def _hydrostatics(section: Section, rho: float, g: float, z_G: float,
                   gyradius: float | None) -> tuple[FloatArray, FloatArray | None]:
     """Return C and M about (0, 0, 0) per unit length of a freely floating section of mass rho S."""
-    if not np.isfinite(z_G):
-        raise InputError(f"centre_of_gravity: must be finite, found {z_G}")
+    check_height(z_G, "centre_of_gravity")
     S, b = section.area, section.half_breadth
     C = np.diag([0.0, 2.0 * b, 2.0 / 3.0 * b ** 3 + S * (section.centre_of_buoyancy - z_G)]) * rho * g
     if gyradius is None:
