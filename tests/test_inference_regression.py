@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
+from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, norm
 
-from radiation_ss.inference import Columns, Own, Rows, Sizes, gains, learn, size_gradient, solve
+from radiation_ss.inference import Columns, Own, Rows, Sizes, gains, learn, size_slopes, solve
 
 
 def problem(seed=0, count=60, unknowns=3, change=0.0):
@@ -40,7 +41,7 @@ def test_evidence_is_the_normal_density(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_slopes_by_the_sizes_are_those_of_finite_differences(seed):
     rows, columns, sizes = problem(seed)
-    slope, x = size_gradient(rows, columns, solve(rows, columns, sizes)), sizes.vector
+    (slope, _), x = size_slopes(rows, columns, solve(rows, columns, sizes)), sizes.vector
     for k in range(x.size):
         up, down = (solve(rows, columns, Sizes.of(x + d * (np.arange(x.size) == k), 2)).log_evidence
                     for d in (1e-4, -1e-4))
@@ -67,6 +68,17 @@ def test_the_mode_is_where_the_whole_density_is_flat(seed):
         slope = (density(found.mean + step) - density(found.mean - step)) / 2e-4
         bend = abs(density(found.mean + step) + density(found.mean - step) - 2 * density(found.mean)) / 1e-8
         assert abs(slope) < 0.02 * np.sqrt(bend)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("off", [-3.0, 0.0, 2.0])
+def test_learned_sizes_are_the_likeliest(seed, off):
+    """Against SciPy's search without derivatives, from sizes that are far off."""
+    rows, columns, sizes = problem(seed)
+    found = learn(rows, columns, replace(sizes, share=sizes.share + off, noise=sizes.noise - off))
+    best = minimize(lambda x: -learn(rows, columns, Sizes.of(x, 2), steps=0).log_evidence, found.sizes.vector,
+                    method="Powell", bounds=[(-9.0, 9.0)] * 5 + [(0.0, 1.09), (-9.0, 0.0), (-9.0, 0.0), (-1.6, 0.0)])
+    assert found.log_evidence > -best.fun - 0.1
 
 
 def test_a_column_that_explains_gains_and_one_that_does_not_loses():
@@ -126,7 +138,7 @@ def test_unknowns_of_one_record_are_marginalised(seed):
 def test_own_unknowns_count_in_slopes_and_gains(seed):
     rows, plain, columns, both, sizes = with_own(seed)
     dense, arrow = solve(plain, both, sizes), solve(rows, columns, sizes)
-    assert np.allclose(size_gradient(rows, columns, arrow), size_gradient(plain, both, dense))
+    assert np.allclose(size_slopes(rows, columns, arrow)[0], size_slopes(plain, both, dense)[0])
     new = Columns(np.random.default_rng(seed).standard_normal((60, 1)), np.array([0.7]), np.array([0.0]),
                   np.array([0]), np.zeros((4, 1), complex))
     assert gains(rows, columns, arrow, [new]) == pytest.approx(gains(plain, both, dense, [new]))

@@ -24,8 +24,9 @@ from radiation_ss.inference.rows import (
     all_places,
     bins_of,
     jacobian_weight,
+    local_size,
     moved,
-    own_size,
+    powers,
     relative_gap,
     rows_of,
     spectral_groups,
@@ -61,12 +62,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
                             np.full(spectra, discrepancy.spectrum)])
     ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
                               np.full(spectra, discrepancy.ambient * 0.05)])
-    power = np.ones(count)
-    for i in range(n):
-        mine = np.concatenate([np.zeros(0, int), *(np.arange(p.rows.start, p.rows.stop) for p in places if p.dof == i)])
-        size = scale[mine] ** 2
-        telling = size.sum() ** 2 / max(float(np.sum(size**2)), 1e-300) if mine.size else 0.0
-        power[mine] = 1.0 / (1.0 + telling / discrepancy.saturation)
+    power = powers(places, runs, scale, discrepancy.saturation)
     weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
     ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
     rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
@@ -240,35 +236,41 @@ def coherent_columns(problem: EquationError, discrepancy: Discrepancy) -> tuple[
     """Return cubic polynomials of displacement and velocity, the same in all records."""
     parts, labels = [], []
     for i, dof in enumerate(problem.model.dofs):
-        scales = problem.scales[dof]
-        error = problem.gap[i] * own_size(problem.runs, problem.model, i)
-        for p, q in POWERS:
-            found = [polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)) for run in problem.runs]
-            rms = np.sqrt(np.mean(np.concatenate([feature.force[i] for feature in found]) ** 2))
-            if rms > 0.0:
-                parts.append(columns_of(problem, found, discrepancy.coherent * error / rms, factor=COHERENT))
-                labels.append(f"x^{p} v^{q}|{dof}|")
+        for (p, q), sd in coherent_sizes(problem, i, discrepancy).items():
+            found = [polynomial(problem, run, i, (p, q)) for run in problem.runs]
+            parts.append(columns_of(problem, found, sd, factor=COHERENT))
+            labels.append(f"x^{p} v^{q}|{dof}|")
     return parts, labels
+
+
+def coherent_sizes(problem: EquationError, i: int, discrepancy: Discrepancy) -> dict[tuple[int, int], float]:
+    """Return the prior standard deviation of each polynomial: in no record more than a share of the model's own force.
+
+    One size for all records together would leave a large motion under small forces to the polynomials.
+    """
+    found, own = dict[tuple[int, int], float](), [local_size(problem.model, run, i)[1] for run in problem.runs]
+    for p, q in POWERS:
+        most = max(float(np.sqrt(np.mean(polynomial(problem, run, i, (p, q)).force[i] ** 2))) / size
+                   for run, size in zip(problem.runs, own))
+        if most > 0.0:
+            found[p, q] = discrepancy.coherent * float(problem.gap[i]) / most
+    return found
 
 
 def unexplained_forces(problem: EquationError, run: MeasuredMotion, i: int, sizes: Sizes) -> list[FloatArray]:
     """Return the forces on one motion of a record that no effect explains, (nt,), one standard deviation each."""
     scales, discrepancy = problem.scales[problem.model.dofs[i]], problem.discrepancy
     share = float(np.exp(sizes.coherent))
-    error = problem.gap[i] * own_size(problem.runs, problem.model, i)
     found = [(share if factor == COHERENT else 1.0) * spread * values
              for _, values, spread, factor in record_columns(problem, run, i, scales.force, discrepancy)]
-    for p, q in POWERS:
-        force = polynomial(problem.model.n, run, i, (p, q), (scales.x, scales.v)).force[i]
-        size = np.sqrt(np.mean(force**2))
-        if size > 0.0:
-            found.append(share * discrepancy.coherent * error / size * force)
-    return found
+    return found + [share * sd * polynomial(problem, run, i, (p, q)).force[i]
+                    for (p, q), sd in coherent_sizes(problem, i, discrepancy).items()]
 
 
-def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], scales: tuple[float, float]) -> Feature:
+def polynomial(problem: EquationError, run: MeasuredMotion, i: int, power: tuple[int, int]) -> Feature:
     """Return the force (x / scale)^p (v / scale)^q on one motion of a record, and its mean response."""
-    (p, q), x, v = powers, run.x[i] / scales[0], run.v[i] / scales[1]
+    n, scales = problem.model.n, problem.scales[problem.model.dofs[i]]
+    (p, q), x, v = power, run.x[i] / scales.x, run.v[i] / scales.v
     # In a static test the velocity is a direction only.
     there = float(run.free[i] and (q == 0 or run.record.kind != "static"))
     force = np.zeros_like(run.x)
@@ -276,5 +278,5 @@ def polynomial(n: int, run: MeasuredMotion, i: int, powers: tuple[int, int], sca
     response = np.zeros((run.omega_fine.size, n, n), dtype=complex)
     by_x, by_v = (np.mean(part) for part in (p * x ** max(p - 1, 0) * v**q, q * x**p * v ** max(q - 1, 0)))
     if not run.prescribed:
-        response[:, i, i] = there * (by_x / scales[0] + 1j * run.omega_fine * by_v / scales[1])
+        response[:, i, i] = there * (by_x / scales.x + 1j * run.omega_fine * by_v / scales.v)
     return Feature(force, np.zeros_like(force), response, np.zeros_like(response), np.zeros_like(force))

@@ -1,6 +1,6 @@
 """Rows and columns of a Gaussian linear model, the sizes that it learns, and the unknowns that it finds."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -202,3 +202,20 @@ def log_allowed(found: Posterior, columns: Columns, near: float = 6.0) -> float:
     C = found.covariance[np.ix_(limited, limited)] / deviation[limited, None] / deviation[limited]
     chance = multivariate_normal(np.zeros(limited.size), C, allow_singular=True, seed=0).cdf(above[limited])
     return total + float(np.log(chance) if chance > 1e-8 else log_ndtr(above[limited]).sum())
+
+
+def bounded_step(matrix: FloatArray, slope: FloatArray, q: FloatArray,
+                 inside: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the point at which a quadratic of this matrix and negative slope at q is lowest within bounds.
+
+    `inside` brings a point within its bounds. What meets one stays there, and the rest is lowest beside it.
+    """
+    step, free = np.zeros(q.size), np.ones(q.size, dtype=bool)
+    while True:
+        right = slope[free] - matrix[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
+        point = inside(q + step)
+        met = free & (np.abs(point - q - step) > 1e-9 * (1.0 + np.abs(step)))
+        if not met.any():
+            return point
+        free, step = free & ~met, point - q

@@ -118,7 +118,7 @@ class EquationError:
             at += part.count
         first = 0
         for own in self.rows.own:
-            loose = [known and label.startswith(("wandering", "release", "slow")) for label in own.labels]
+            loose = [known and label.startswith(("wandering", "slow")) for label in own.labels]
             own.times(np.where(loose, 0.0, -posterior.own_mean[first:first + own.count]), found)
             first += own.count
         return found

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.linalg import block_diag
 from scipy.sparse import csc_array, csr_array
 
 from radiation_ss.arrays import ComplexArray, FloatArray
@@ -15,6 +16,7 @@ from radiation_ss.inference.linear_model import (
     Rows,
     SizePrior,
     Sizes,
+    bounded_step,
     factor_of,
     log_allowed,
     safe,
@@ -181,14 +183,14 @@ class Point:
         return added
 
 
-def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 15,
+def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = None, steps: int = 40,
           accuracy: float = 0.03, nuisances: int = 0, near: Posterior | None = None) -> Posterior:
     """Return the posterior at the most probable sizes, its evidence with their prior and with limits of strengths.
 
     The first `nuisances` columns are no strengths. The climb begins at the unknowns of `near`, those of another set.
 
-    The sizes are climbed to by at most `steps` steps, until one gains less than about `accuracy` of log evidence; with
-    no step they stay.
+    The sizes are climbed to by Newton's method within their bounds, in at most `steps` steps, until one gains less than
+    about `accuracy` of log evidence; with no step they stay.
     """
     prior = prior or SizePrior()
     groups = rows.share.size
@@ -198,8 +200,9 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
                             np.full(groups, prior.ambient),
                             np.full(start.noise.size, prior.noise),
                             [prior.tolerance, prior.offset, prior.before, prior.coherent]])
-    layout, highest = Layout(rows, columns), list[tuple[float, Posterior]]()
-    unit = 1.0 / np.sqrt(size_information(rows, start) + width**-2.0)  # so the sizes' curvatures are all about one
+    lower, upper = centre - 5.0 * width, centre + 5.0 * width
+    lower[[-4, -1]], upper[-4:] = (0.0, np.log(prior.exact)), (np.log(prior.largest), 0.0, 0.0, 0.0)
+    layout = Layout(rows, columns)
 
     def scaled(found: Posterior) -> FloatArray:
         # Shares of the force of the equation as it is multiplied: else to multiply all of it would pay. The slope
@@ -207,37 +210,43 @@ def learn(rows: Rows, columns: Columns, start: Sizes, prior: SizePrior | None = 
         by_group = multiplied(rows, columns, found)
         return np.concatenate([by_group, by_group, np.zeros(start.noise.size + 4)])
 
-    def solved(x: FloatArray, near: Posterior | None) -> Posterior:
+    def solved(x: FloatArray, near: Posterior | None, kept: tuple[Rows, FloatArray]) -> Reached:
+        # From the best so far: past where the impedance is zero lies another solution, which a long step may meet.
+        climbed, stretch = kept
         found = solve(climbed, columns, Sizes.of(x, groups), start=near, layout=layout, stretch=stretch)
         more = float(np.sum((rows.weight - climbed.weight)[rows.telling] * logs_of(rows, columns, found)))
-        return replace(found, log_evidence=found.log_evidence + more)
-
-    def negative(y: FloatArray) -> tuple[float, FloatArray]:
-        x = unit * y
-        # From the best so far: past where the impedance is zero lies another solution, which a long step may meet.
-        found = solved(x, highest[-1][1] if highest else first)
+        found = replace(found, log_evidence=found.log_evidence + more)
         off = (x - centre - scaled(found)) / width
-        slope = size_gradient(rows, columns, found, layout, stretch) - off / width
-        value = found.log_evidence - 0.5 * float(np.sum(off**2))
-        if not highest or value > highest[-1][0]:
-            highest.append((value, found))
-        return -value, -slope * unit
+        return Reached(found.log_evidence - 0.5 * float(off @ off), found, off / width)
 
-    bounds = [*zip(centre - 5 * width, centre + 5 * width)]
-    bounds[-4:] = (0.0, np.log(prior.largest)), *((low, 0.0) for low, _ in bounds[-3:-1]), (np.log(prior.exact), 0.0)
-    climbed, stretch = rows, np.ones(1)
-    first = near or solved(start.vector, None)
-    climbed, stretch = in_proportion(rows, columns, first, nuisances)
-    if steps:
-        minimize(negative, start.vector / unit, jac=True, method="L-BFGS-B", bounds=np.array(bounds) / unit[:, None],
-                 options={"maxiter": steps, "ftol": accuracy / max(rows.error.size, 1)})
-    reached = highest[-1][1] if steps else solved(start.vector, first)
-    x, found = reached.sizes.vector, reached
-    if steps or near is None:
-        climbed, stretch = in_proportion(rows, columns, reached, nuisances)
-        found = solved(x, reached)
-    value = found.log_evidence - 0.5 * np.sum(((x - centre - scaled(found)) / width) ** 2) + log_allowed(found, columns)
-    return replace(found, log_evidence=float(value), arrow=None)
+    def settled(x: FloatArray, near: Posterior) -> tuple[Reached, tuple[Rows, FloatArray]]:
+        kept = in_proportion(rows, columns, near, nuisances)
+        return solved(x, near, kept), kept
+
+    x = start.vector
+    now, kept = settled(x, near or solved(x, None, (rows, np.ones(1))).found)
+    for _ in range(steps):
+        slope, information = size_slopes(rows, columns, now.found, layout, kept[1])
+        slope -= now.pull
+        step = bounded_step(information + np.diag(width**-2.0), slope, x, lambda to: np.clip(to, lower, upper)) - x
+        if 0.5 * float(slope @ step) < accuracy:
+            break
+        step = np.minimum(step, 0.5 * np.log1p(2.0 * np.maximum(step, 0.0)))  # a variance grows as its rows ask
+        higher = next((new for k in range(6) if (new := solved(x + step * 0.5**k, now.found, kept)).value > now.value),
+                      None)
+        if higher is None:
+            break
+        x = higher.found.sizes.vector
+        now, kept = settled(x, higher.found)
+    return replace(now.found, log_evidence=now.value + log_allowed(now.found, columns), arrow=None)
+
+
+class Reached(NamedTuple):
+    """Log evidence with the sizes' prior at some sizes, the posterior there, and how the prior pulls each size."""
+
+    value: float
+    found: Posterior
+    pull: FloatArray
 
 
 def logs_of(rows: Rows, columns: Columns, found: Posterior) -> FloatArray:
@@ -274,31 +283,35 @@ def in_proportion(rows: Rows, columns: Columns, found: Posterior, nuisances: int
     return replace(rows, weight=rows.weight * max(1.0 - known / total, 0.0)), stretch
 
 
-def size_information(rows: Rows, sizes: Sizes) -> FloatArray:
-    """Return Fisher's information on the logarithm of each size, as if it were the only unknown."""
-    noise, unexplained, ambient = variance(rows, sizes)
-    square = 2.0 * rows.power / (noise + unexplained + ambient) ** 2
-    return np.concatenate([np.bincount(rows.group, square * unexplained**2, rows.share.size),
-                           np.bincount(rows.group, square * ambient**2, rows.share.size),
-                           np.bincount(rows.sensor, square * noise**2, sizes.noise.size), np.zeros(4)])
+def size_slopes(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None,
+                stretch: FloatArray | float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative of the log evidence by the logarithms of the sizes, and their information.
 
-
-def size_gradient(rows: Rows, columns: Columns, found: Posterior, layout: Layout | None = None,
-                  stretch: FloatArray | float = 1.0) -> FloatArray:
-    """Return the derivative of the log evidence by the logarithms of the sizes, the curvature's own left out."""
+    The slope leaves out the curvature's own. The information is Fisher's on the variance of the rows, as if the other
+    unknowns were known; on the diagonal what is seen where that is more, as of a size that is far too large.
+    """
     _, unexplained, ambient = variance(rows, found.sizes)
-    noise, v = found.noise, found.variance
+    noise, v, groups = found.noise, found.variance, rows.share.size
     assert found.arrow is not None
     packed = (layout or Layout(rows, columns)).packed
     spread, n = spreads(rows, columns, found.sizes, stretch), columns.count
     covariance = found.covariance / np.outer(spread[:n], spread[:n])
-    explained = packed.explained(covariance, found.arrow, spread)
-    slope = rows.power * ((found.residual**2 + explained) / v - 1.0) / v
-    share = np.bincount(rows.group, slope * unexplained, rows.share.size)
-    steady = np.bincount(rows.group, slope * ambient, rows.share.size)
-    sensor = np.bincount(rows.sensor, slope * noise, found.sizes.noise.size)
+    square = (found.residual**2 + packed.explained(covariance, found.arrow, spread)) / v
+    size = 2 * groups + found.sizes.noise.size
+    parts = [(rows.group, unexplained / v), (groups + rows.group, ambient / v), (2 * groups + rows.sensor, noise / v)]
+
+    def sums(at: np.ndarray, values: FloatArray, count: int) -> FloatArray:
+        return np.asarray(np.bincount(at, rows.power * values, count), dtype=np.float64)
+
+    slope = np.sum([sums(at, (square - 1.0) * share, size) for at, share in parts], axis=0)
+    seen = np.sum([sums(at, 2.0 * share * (1.0 - square - share * (1.0 - 2.0 * square)), size) for at, share in parts],
+                  axis=0)
+    information = np.sum([sums(at * size + to, 2.0 * one * other, size**2).reshape(size, size)
+                          for at, one in parts for to, other in parts], axis=0)
+    np.fill_diagonal(information, np.maximum(np.diagonal(information), seen))
     factor, mean = factor_of(rows, columns), np.concatenate([found.mean, found.own_mean])
-    variances = np.concatenate([np.diag(found.covariance), found.own_std**2])
-    second = (mean**2 + variances) / spread**2 - 1.0
-    common = [np.sum(second[factor == k]) for k in (TOLERANCE, OFFSET, BEFORE, COHERENT)]
-    return np.concatenate([share, steady, sensor, common])
+    left = np.concatenate([np.diag(found.covariance), found.own_std**2]) / spread**2
+    second, known = mean**2 / spread**2 + left - 1.0, np.clip(1.0 - left, 0.0, 1.0)
+    common = [factor == k for k in (TOLERANCE, OFFSET, BEFORE, COHERENT)]
+    return (np.concatenate([slope, [np.sum(second[mine]) for mine in common]]),
+            block_diag(information, np.diag([2.0 * np.sum(known[mine] ** 2) for mine in common])))

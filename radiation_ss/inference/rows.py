@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_array, eye_array
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
-from radiation_ss.inference.force_errors import typical_frequency
+from radiation_ss.inference.force_errors import spectra, typical_frequency
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import FINE, MeasuredMotion
 
@@ -191,6 +191,42 @@ def own_size(runs: Sequence[MeasuredMotion], model: Model, i: int) -> float:
     """Return the rms of the model's own force on one motion over records, what a relative gap is a share of."""
     squares = [local_size(model, run, i)[1] ** 2 for run in runs]
     return float(np.sqrt(np.average(squares, weights=[run.places for run in runs])))
+
+
+def powers(places: Sequence[Place], runs: Sequence[MeasuredMotion], scale: FloatArray, saturation: float) -> FloatArray:
+    """Return the power of each row's likelihood, 1/(1 + N/saturation): N rows of one motion share a model's errors.
+
+    Rows count by the energy of the motion around them, those of another record as far as the motion has the same
+    frequencies there.
+    """
+    power = np.ones(scale.size)
+    for i in {p.dof for p in places}:
+        mine = [p for p in places if p.dof == i and p.order < 0]
+        alike = overlaps([runs[p.record] for p in mine], i)
+        square = [scale[p.rows] ** 2 for p in mine]
+        energy, crowding = (alike @ [np.sum(e**k) for e in square] for k in (1, 2))
+        found = dict(zip((p.record for p in mine), 1.0 / (1.0 + energy**2 / np.maximum(crowding, 1e-300) / saturation)))
+        for p in places:
+            if p.dof == i:
+                power[p.rows] = found.get(p.record, 1.0)
+    return power
+
+
+def overlaps(runs: Sequence[MeasuredMotion], i: int, octaves: float = 0.6) -> FloatArray:
+    """Return how far the motion has the same frequencies in any two records, 0 to 1: Bhattacharyya's coefficients.
+
+    Energies are taken between centres so far apart, as far as errors of a model reach. A slow test is like others.
+    """
+    shares = []
+    for run in runs:
+        omega, x = spectra(run, run.x[i])
+        at = np.round(np.log2(omega[1:] / runs[0].omega[i]) / octaves, 9)
+        centres = np.arange(-40.0, 41.0)
+        energy = np.clip(1.0 - np.abs(at - centres[:, None]), 0.0, 1.0) @ np.abs(x[1:]) ** 2
+        still = run.record.kind == "static" or not energy.any()
+        shares.append(np.append(energy / (energy.sum() + 1e-300), 0.0) if not still else np.eye(82)[-1])
+    root = np.sqrt(shares)
+    return np.asarray(root @ root.T)
 
 
 def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], power: FloatArray, n: int) -> FloatArray:

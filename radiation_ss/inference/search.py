@@ -126,12 +126,12 @@ def with_inclusion(problem: EquationError, ranked: Sequence[Candidate], terms: S
 
 def first_set(problem: EquationError, terms: Sequence[Term], rules: SearchRules,
               present: Sequence[str] = ()) -> Candidate:
-    """Return a set solved from several starts of the sizes.
+    """Return a set solved from two starts of the sizes.
 
     Where little may be left unexplained, the numbers may run to where the body has no impedance, and stay there.
     """
     start = start_sizes(problem)
-    starts = (start, replace(start, share=start.share + 1.0), replace(start, tolerance=1.0))
+    starts = (start, replace(start, share=start.share + 1.0))
     return max((solve_set(problem, terms, s, rules, present) for s in starts), key=lambda c: c.log_probability)
 
 
@@ -141,9 +141,11 @@ def best_first(solved: Mapping[Keys, Candidate]) -> list[Candidate]:
 
 
 def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str]) -> Candidate:
-    """Return a set with all sizes learned for it, from stated tolerances on."""
-    sizes = replace(candidate.posterior.sizes, tolerance=0.0)
-    return solve_set(problem, candidate.terms, sizes, rules, present, near=candidate)
+    """Return a set with all sizes learned for it, from those that it was solved at, and from stated tolerances."""
+    sizes = candidate.posterior.sizes
+    starts = [sizes, *([replace(sizes, tolerance=0.0)] if sizes.tolerance > 0.0 else [])]
+    return max((solve_set(problem, candidate.terms, s, rules, present, near=candidate) for s in starts),
+               key=lambda c: c.log_probability)
 
 
 def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,

@@ -1,6 +1,5 @@
 """Fits of simulated trajectories: Levenberg's method, linear theory about a fit, and its most probable sizes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.optimize import minimize_scalar
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
+from radiation_ss.inference.linear_model import bounded_step
 from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.score import Score, log_factors, products
@@ -229,23 +229,6 @@ def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatAr
     except (SolverError, np.linalg.LinAlgError):
         return None
     return q, now
-
-
-def bounded_step(matrix: FloatArray, slope: FloatArray, q: FloatArray,
-                 inside: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Return the point at which a quadratic of this matrix and negative slope at q is lowest within bounds.
-
-    `inside` brings a point within its bounds. What meets one stays there, and the rest is lowest beside it.
-    """
-    step, free = np.zeros(q.size), np.ones(q.size, dtype=bool)
-    while True:
-        right = slope[free] - matrix[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], right)
-        point = inside(q + step)
-        met = free & (np.abs(point - q - step) > 1e-9 * (1.0 + np.abs(step)))
-        if not met.any():
-            return point
-        free, step = free & ~met, point - q
 
 
 def better(trial: Trajectories, q: FloatArray, now: Normal, damping: float, gain: float,
