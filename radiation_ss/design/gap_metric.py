@@ -52,7 +52,7 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
     >>> round(rss.gap_metric(plant, plant), 6)
     0.0
     """
-    first, second = (minimal(*continuous(P, input_scale, output_scale)) for P in (P1, P2))
+    first, second = (without_hidden(*continuous(P, input_scale, output_scale)) for P in (P1, P2))
     if first[3].shape != second[3].shape or P1.dt != P2.dt:
         raise InputError(f"P1, P2: sizes {first[3].shape} and {second[3].shape}, time steps {P1.dt} and {P2.dt}; "
                          "they must agree")
@@ -137,8 +137,11 @@ def scale(value: ArrayLike | None, size: int, name: str) -> FloatArray:
     return np.broadcast_to(units, (size,))
 
 
-def minimal(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
-    """Return the part of a system that its inputs reach and its outputs show."""
+def without_hidden(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Matrices:
+    """Return the part of a system, stable or not, that its inputs reach and its outputs show.
+
+    The balanced one of `fit` asks for Gramians, which only a stable system has.
+    """
     for _ in range(2):  # reached, then, in the transposed system, shown
         a, (size, _) = matrix_balance(a, permute=False, separate=True) if a.size else (a, (np.ones(0), None))
         b, c = b / size[:, None], c * size
