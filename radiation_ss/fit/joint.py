@@ -102,7 +102,15 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
         starts = [_released(*start, problem.thinned()) for start in starts]
     form, theta, how = _finished(starts, problem)
     fewer = f"; {form.states} states do no worse than {order * motions}" if form.states < order * motions else ""
-    return *form.realise(theta), how + fewer
+    return *form.realise(theta), how + fewer + _held(form, theta, problem)
+
+
+def _held(form: Port, theta: FloatArray, problem: Problem, near: float = 1.05) -> str:
+    """Say at which frequencies resonances would be narrower than the data resolve, were they not held."""
+    poles = np.asarray(np.linalg.eigvals(form.realise(theta)[0]), dtype=complex)
+    held = np.sort(poles.imag[(-poles.real < near * problem.resolvable(poles)[0]) & (poles.imag > 0.0)])
+    at = ", ".join(f"{x * problem.rate:.3g}" for x in held)
+    return f"; at {at} rad/s as narrow a resonance as the frequencies there resolve" * bool(held.size)
 
 
 def _too_fast(form: Port, theta: FloatArray, problem: Problem) -> bool:

@@ -106,7 +106,8 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(method, Search(passive, seed), notes)
-        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
+        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights,
+                                doubted=0.05 if weight is None else 0.0)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
         parts.append(_fit(problem, chosen, options))
@@ -129,7 +130,8 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
         warnings.warn(f"{data.source or 'data'}: {skew}", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, whole_error=joint_error(data, K), entry_error=entry_errors(data, K),
-                          notes=(*notes, *choices.left_out(data, weights, error)))
+                          notes=(*notes, *choices.above_band(data, suspects),
+                                  *choices.left_out(data, weights, error)))
 
 
 def fitfrd(frd: "ct.FrequencyResponseData", order: int | None = None, *, poor: float = 0.1,
