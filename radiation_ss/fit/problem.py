@@ -62,7 +62,7 @@ class Problem:
         gap = 2.0 * np.minimum(below, np.abs(above))
         side = np.where((below < above) | (above < 0.0), 2.0, -2.0) * np.sign(poles.imag)
         slope = np.where((gap > self.spacing) & (np.abs(poles.imag) > self.shown[0]), side, 0.0)
-        return self.resolved * np.maximum(gap, max(self.spacing, 1e-12)), self.resolved * slope
+        return np.maximum(self.resolved * np.maximum(gap, self.spacing), 1e-12), self.resolved * slope
 
     def without_points(self) -> "Problem":
         """Return the problem without frequency points and without a value of K(0)."""

@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
 from radiation_ss.fit.choices import Trial
-from radiation_ss.fit.joint import Search, fit_joint
+from radiation_ss.fit.joint import Search, fit_joint, order_of
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import Realisation, frequency_response, observer_form, side_by_side
 from radiation_ss.fit.result import RadiationFit
@@ -113,7 +113,7 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
         parts.append(_fit(problem, chosen, options))
         if problem.x_points.size and method == "casadi":
             _say_price_of_points(problem, parts[-1], chosen, options)
-        orders.append(chosen)
+        orders.append(chosen if order is not None else order_of(problem, parts[-1][0].shape[0]))  # fewer may do
         paths.append(path)
     a, b, c = side_by_side(parts, blocks, blocks, data.n)
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
