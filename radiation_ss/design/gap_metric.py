@@ -94,7 +94,7 @@ def robust_margin(P: ct.StateSpace | ct.TransferFunction, C: ct.StateSpace | ct.
 
     a, b, c, d = continuous(P, input_scale, output_scale, "P")
     if not isinstance(C, ct.StateSpace | ct.TransferFunction):
-        C = ct.ss([], [], [], np.atleast_2d(read_only(np.atleast_1d(C), "C")), P.dt)
+        C = ct.ss([], [], [], read_only(np.atleast_2d(C), "C", (None, None)), P.dt)
     e, f, g, h = continuous(C, output_scale, input_scale, "C")
     if h.shape != d.shape[::-1] or (P.dt != C.dt and a.size and e.size):
         raise InputError(f"C: {h.shape[0]} outputs and {h.shape[1]} inputs at dt = {C.dt}; the plant needs "
