@@ -75,6 +75,14 @@ def test_a_model_without_radiation_has_no_place_in_bemios_form(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_of_six_that_says_no_more_is_of_the_motions_that_radiate_and_the_body_has(fit, tmp_path):
+    path = fit.write(tmp_path / "six.ss")
+    path.write_text(path.read_text().replace("; of Heave, Pitch", ""))
+    assert read_fit(path).dofs == DOFS
+    body = fit.data.replace(M=np.eye(2), C=np.diag([2.0, 3.0]))
+    assert rss.cummins(body, path).ninputs == 2
+
+
 def test_openfast_header(fit, tmp_path):
     lines = fit.write(tmp_path / "model.ss").read_text().splitlines()
     assert lines[1].split("%")[0].split() == ["1"] * 6
