@@ -141,6 +141,12 @@ def test_units_matter_and_scaling_is_offered():
     (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), input_scale=-1.0), "input_scale"),
     (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.tf([1], [1, 1]), input_scale=[1.0, 2.0]), "one positive number"),
     (lambda: rss.robust_margin(ct.tf([1], [1, 1]), np.ones((2, 2))), "outputs and"),
+    (lambda: rss.gap_metric(ct.tf("s"), ct.tf([1], [1, 1])), "^P1: a numerator of higher degree"),
+    (lambda: rss.gap_metric(ct.tf([1], [1, 1]), ct.tf([0, 1, 0, 1], [0, 1, 1])), "^P2: a numerator of higher degree"),
+    (lambda: rss.gap_metric(3.0, ct.tf([1], [1, 1])), "^P1: float found"),
+    (lambda: rss.robust_margin(np.eye(2), 1.0), "^P: ndarray found"),
+    (lambda: rss.robust_margin(ct.tf([1], [1, 1]), "a"), "^C: not an array of numbers"),
+    (lambda: rss.robust_margin(ct.tf([1], [1, 1]), ct.tf("s")), "^C: a numerator of higher degree"),
 ])
 def test_bad_input_is_said(call, words):
     with pytest.raises(rss.InputError, match=words):

@@ -43,6 +43,18 @@ def test_every_form_is_read_back_as_the_same_transfer_function(fit, suffix, tmp_
     assert score.dofs == ("Heave", "Pitch")
 
 
+@pytest.mark.parametrize("suffix", [".json", ".ss", ".h5", ".mat"])
+def test_a_motion_that_does_not_radiate_is_read_back(fit, suffix, tmp_path):
+    b, c = np.zeros((fit.states, 3)), np.zeros((3, fit.states))
+    b[:, :2], c[:2] = fit.b, fit.c
+    still = rss.RadiationFit(("Heave", "Pitch", "Yaw"), fit.a, b, c, order=fit.order)
+    found = read_fit(still.write(tmp_path / f"yaw{suffix}"))
+    assert found.dofs == still.dofs and not found.frequency_response(OMEGA)[:, 2].any()
+    assert_allclose(found.frequency_response(OMEGA), still.frequency_response(OMEGA), rtol=1e-9, atol=1e-9)
+    M, C = np.eye(3), np.diag([2.0, 3.0, 0.0])
+    assert rss.cummins((M, C, np.eye(3)), tmp_path / f"yaw{suffix}").ninputs == 3
+
+
 def test_two_bodies_keep_their_places(tmp_path):
     rng = np.random.default_rng(0)
     port = Port(2, 2, 2)
@@ -61,6 +73,14 @@ def test_a_model_without_radiation_has_no_place_in_bemios_form(tmp_path):
     with pytest.raises(InputError, match=r"none\.h5: a model without radiation has no states to write"):
         rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0).fit.write(tmp_path / "none.h5")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_six_that_says_no_more_is_of_the_motions_that_radiate_and_the_body_has(fit, tmp_path):
+    path = fit.write(tmp_path / "six.ss")
+    path.write_text(path.read_text().replace("; of Heave, Pitch", ""))
+    assert read_fit(path).dofs == DOFS
+    body = fit.data.replace(M=np.eye(2), C=np.diag([2.0, 3.0]))
+    assert rss.cummins(body, path).ninputs == 2
 
 
 def test_openfast_header(fit, tmp_path):

@@ -263,3 +263,41 @@ def test_couplings_that_contradict_their_transpose_put_no_damping_on_the_motions
     K = fit.frequency_response(clean.omega)
     for i in range(2):
         assert np.linalg.norm(K[:, i, i] - clean.K[:, i, i]) < 0.03 * np.linalg.norm(clean.K[:, i, i])
+
+
+def irregular(data, at, residue):
+    """Return data with an undamped resonance at a frequency of residue `residue` of the largest |K| times it."""
+    K = residue * np.abs(data.K).max() * data.omega / (at**2 - data.omega**2)
+    return data.replace(A=data.A + (K / data.omega)[:, None, None])
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_no_resonance_is_invented_above_the_band(order):
+    # An irregular frequency that begins at the band's end made a pole pair there, of ten times the data's peak.
+    truth = data_of(*random_passive(4, 1, 7, zero=True), omega=np.linspace(0.02, 8.4, 210))
+    data = irregular(truth, 8.6, 0.3)
+    assert np.abs(data.K[-1]).max() > 0.3 * np.abs(truth.K).max()
+    fit = rss.fit_radiation(data, order)
+    miss = fit.frequency_response(truth.omega) - truth.K
+    assert np.linalg.norm(miss) < 0.1 * np.linalg.norm(truth.K)
+    assert np.abs(fit.frequency_response(np.linspace(8.4, 20.0, 2000))).max() < 0.25 * np.abs(truth.K).max()
+    assert any("rises as to a resonance just above the band" in note for note in fit.notes)
+    assert {"resonance above the band"} == {s.kind for s in fit.suspects}
+    assert any("just above it: Heave 8.6 rad/s" in f.message for f in data.check().findings)
+
+
+def test_no_resonance_is_invented_among_doubted_samples():
+    truth = data_of(*random_passive(4, 1, 7), omega=np.linspace(0.02, 8.4, 210))
+    fit = rss.fit_radiation(irregular(truth, 4.02, 0.005), 6)
+    assert {3.989, 4.03, 4.07} <= {round(s.omega, 3) for s in fit.suspects}
+    fine = np.linspace(3.8, 4.3, 1000)
+    K = data_of(*random_passive(4, 1, 7), omega=fine).K
+    assert np.abs(fit.frequency_response(fine) - K).max() < 0.08 * np.abs(truth.K).max()
+
+
+@pytest.mark.parametrize("order, most", [(4, 0.02), (6, 0.03)])
+def test_two_programs_runs_of_one_sphere_give_one_model(data, order, most):
+    # WAMIT's ends in an irregular frequency, which Capytaine's, with a lid, has not.
+    wamit = rss.read_hydro(data / "bem" / "formats" / "sphere.1", rho=1000.0).select("Heave")
+    other = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select("Heave").with_A_inf()
+    assert rss.audit(rss.fit_radiation(wamit, order), other).relative_error < most

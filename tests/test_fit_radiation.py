@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 import radiation_ss as rss
 from radiation_ss.errors import InputError, InputWarning
-from radiation_ss.fit import frequency_response, observer_form, solved
+from radiation_ss.fit import block_problem, frequency_response, observer_form, order_of, solved
 
 TANK = observer_form((1093.3195, 236.4745, 22.6247), (107.4617, 12.6381, 0.5801))  # Hanaki 2022, Table 3, Case-2
 
@@ -151,6 +151,33 @@ def test_papers_method_is_there_to_compare():
     t = np.linspace(0.0, 0.4, 30)
     truth = rss.RadiationFit(("Heave",), *TANK, order=3).kernel(t)
     assert np.abs(fit.kernel(t) - truth).max() < 0.1 * truth.max()
+
+
+@pytest.mark.parametrize("omega", [[0.5, 1.0, 1.5, 3.0, 5.0], np.linspace(0.4, 6.0, 5), np.linspace(0.05, 1.0, 40)])
+@pytest.mark.parametrize("passive", [True, False])
+def test_exact_samples_are_met_however_few_and_wherever_the_band_ends(omega, passive):
+    # 8 numbers in 10 equations. Resonances at 1.16 and 2.33 rad/s, narrower than such frequencies would resolve.
+    a = block_diag([[-0.8, -1.5], [1.0, 0.0]], [[-1.5, -6.0], [1.0, 0.0]])
+    b, c = np.array([[2e5], [0.0], [1e5], [0.0]]), np.array([[1.0, 0.0, 1.0, 0.0]])
+    truth = data_of(a, b, c, np.linspace(0.0, 9.0, 50)[1:])
+    fit = rss.fit_radiation(data_of(a, b, c, np.asarray(omega)), 4, passive=passive)
+    miss = np.abs(fit.frequency_response(truth.omega) - truth.K).max()
+    assert fit.relative_error < 1e-10 and miss < 1e-8 * np.abs(truth.K).max()
+
+
+def test_the_free_fit_is_never_worse_than_the_passive_one(data):
+    # WAMIT's sphere, all samples alike: the descent of the free form ended above the passive model.
+    heave = rss.read_hydro(data / "bem" / "formats" / "sphere.1", rho=1000.0).select("Heave")
+    passive, free = (rss.fit_radiation(heave, 6, passive=kind, weight=np.ones(420)) for kind in (True, False))
+    assert free.relative_error <= passive.relative_error * (1.0 + 1e-9) and free.stable
+
+
+def test_an_order_that_was_chosen_is_that_of_the_model():
+    truth = data_of(*random_passive(4, 1, 7), omega=np.linspace(0.02, 8.4, 60))
+    assert order_of(block_problem(truth, [0]), 3) == 3
+    a, b, c = (block_diag(part, part) for part in random_passive(4, 1, 7))
+    two = data_of(a, b, c, omega=truth.omega, dofs=("Surge", "Heave"))
+    assert order_of(block_problem(two, [0, 1]), 7) == 4  # motions that do not couple: parts
 
 
 def test_order_is_chosen_and_the_path_kept():

@@ -167,3 +167,13 @@ def test_a_kernel_gives_what_stepping_gives(seed):
     expected = H @ propagate(step, force.T, np.zeros(F.shape[0])).T
     found = Kernel.of(step, H, 400).respond(force)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("end", [20.0, 20.3, 37.11])
+def test_the_last_samples_of_a_simulation_are_as_good_as_the_others(end):
+    model = tank_model()
+    t = np.arange(0.0, end, 0.01)
+    force = 100.0 * np.sin(4.0 * t) * np.minimum(t / 5.0, 1.0) ** 2
+    theirs = ct.forced_response(model.to_ss(), t, force).outputs
+    miss = np.abs(np.asarray(rss.simulate(model, (t, force[None])).outputs - theirs))
+    assert (miss[:, -20:].max(axis=1) < miss[:, 20:-20].max(axis=1)).all()

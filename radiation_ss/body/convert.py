@@ -206,7 +206,9 @@ def as_model(body: ModelLike, fit: RadiationFit | str | Path | None = None) -> M
         if left := [dof for dof in body.dofs if dof not in fit.dofs]:
             raise InputError(f"fit: it is of {', '.join(fit.dofs)}, and {body.source or 'the data'} has "
                              f"{', '.join(left)} too; take data.select({list(fit.dofs)})")
-        return Model.from_hydro(body, fit)
+        needed = [dof for dof, column, row in zip(fit.dofs, fit.b.T, fit.c)
+                  if dof in body.dofs or column.any() or row.any()]  # a file of six may enable what does not radiate
+        return Model.from_hydro(body, fit if len(needed) == len(fit.dofs) else fit.select(needed))
     return _from_matrices(body, fit)
 
 

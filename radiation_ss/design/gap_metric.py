@@ -40,7 +40,7 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
     Raises
     ------
     InputError
-        If sizes or time steps differ.
+        If sizes or time steps differ, or P1 or P2 is no system, or one that differentiates.
     SolverError
         If no normalised coprime factorisation is found.
 
@@ -52,7 +52,8 @@ def gap_metric(P1: ct.StateSpace | ct.TransferFunction, P2: ct.StateSpace | ct.T
     >>> round(rss.gap_metric(plant, plant), 6)
     0.0
     """
-    first, second = (without_hidden(*continuous(P, input_scale, output_scale)) for P in (P1, P2))
+    first, second = (without_hidden(*continuous(P, input_scale, output_scale, name))
+                     for P, name in ((P1, "P1"), (P2, "P2")))
     if first[3].shape != second[3].shape or P1.dt != P2.dt:
         raise InputError(f"P1, P2: sizes {first[3].shape} and {second[3].shape}, time steps {P1.dt} and {P2.dt}; "
                          "they must agree")
@@ -91,11 +92,10 @@ def robust_margin(P: ct.StateSpace | ct.TransferFunction, C: ct.StateSpace | ct.
     """
     import control as ct
 
+    a, b, c, d = continuous(P, input_scale, output_scale, "P")
     if not isinstance(C, ct.StateSpace | ct.TransferFunction):
-        gain = np.atleast_2d(np.asarray(C, dtype=float))
-        C = ct.ss([], [], [], gain, P.dt)
-    a, b, c, d = continuous(P, input_scale, output_scale)
-    e, f, g, h = continuous(C, output_scale, input_scale)
+        C = ct.ss([], [], [], read_only(np.atleast_2d(C), "C", (None, None)), P.dt)
+    e, f, g, h = continuous(C, output_scale, input_scale, "C")
     if h.shape != d.shape[::-1] or (P.dt != C.dt and a.size and e.size):
         raise InputError(f"C: {h.shape[0]} outputs and {h.shape[1]} inputs at dt = {C.dt}; the plant needs "
                          f"{d.shape[1]} and {d.shape[0]} at dt = {P.dt}")
@@ -116,10 +116,17 @@ def robust_margin(P: ct.StateSpace | ct.TransferFunction, C: ct.StateSpace | ct.
 
 
 def continuous(system: ct.StateSpace | ct.TransferFunction, input_scale: ArrayLike | None,
-               output_scale: ArrayLike | None) -> Matrices:
+               output_scale: ArrayLike | None, name: str) -> Matrices:
     """Return scaled continuous matrices; a discrete system by z = (1 + s)/(1 - s), which keeps the nu-gap."""
     import control as ct
 
+    if not isinstance(system, ct.StateSpace | ct.TransferFunction):
+        raise InputError(f"{name}: {type(system).__name__} found; a ct.StateSpace or a ct.TransferFunction is needed")
+    if isinstance(system, ct.TransferFunction) and any(
+            np.trim_zeros(num, "f").size > np.trim_zeros(den, "f").size
+            for nums, dens in zip(system.num, system.den) for num, den in zip(nums, dens)):
+        raise InputError(f"{name}: a numerator of higher degree than its denominator, which no state-space system has; "
+                         "put fast poles on what differentiates")
     system = ct.ss(system)
     a, b, c, d = whole = system.A, system.B, system.C, system.D
     if system.isdtime(strict=True):

@@ -1,5 +1,6 @@
 """Radiation models in the file forms of other tools: OpenFAST, BEMIO, MATLAB."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -22,7 +23,8 @@ from radiation_ss.reading import check_size, listed, read_arrays, read_mat, text
 def write_openfast(fit: RadiationFit, path: Path) -> None:
     """Write HydroDyn's state-space radiation: six columns for each body, and the force -K v as output.
 
-    The first line names several bodies in their order, which is that of the fit: the form itself only counts them.
+    The first line names what moves, and several bodies in their order, which is that of the fit: the form itself only
+    counts bodies, and HydroDyn takes no file with a degree of freedom that is not enabled.
     """
     places, bodies = six_places(fit.dofs, path)
     N, n = fit.states, 6 * len(bodies)
@@ -34,7 +36,8 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
     owned = np.bincount((read / np.maximum(read.max(axis=1, keepdims=True, initial=0.0), 1e-300)).argmax(axis=0),
                         minlength=n)
     order = f"; bodies in this order: {', '.join(bodies)}" if len(bodies) > 1 else ""
-    lines = [f"radiation_ss: state-space radiation model, y = C x is the force on the body{order}",
+    of = ", ".join(six_dofs([""] * len(bodies))[k] for k in sorted(places))
+    lines = [f"radiation_ss: state-space radiation model, y = C x is the force on the body; of {of}{order}",
              f"{' '.join('1' * n)}    %Enabled DoFs", f"{N}    %Radiation states",
              f"{' '.join(map(str, owned))}    %Radiation states per DoF"]
     write_rows(path, lines, (fit.a, b, c))
@@ -43,7 +46,8 @@ def write_openfast(fit: RadiationFit, path: Path) -> None:
 def read_openfast(path: Path) -> RadiationFit:
     """Read HydroDyn's .ss as K = -C (s I - A)^-1 B.
 
-    Degrees of freedom that are not enabled, or whose column of B and row of C are zero, are left out.
+    Degrees of freedom are those that are enabled, in this package's own files those that the first line names; one
+    whose column of B and row of C are zero does not radiate.
     """
     if "SS_Excitation" in next(iter(lines(path)), ""):
         raise InputError(f"{path.name}: a model of the wave excitation by its first line; read_excitation reads it")
@@ -56,8 +60,9 @@ def read_openfast(path: Path) -> RadiationFit:
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
     names = six_dofs([""] * (n // 6))
     b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
-    keep = [k for k in range(n) if enabled[k] and (b[:, k].any() or c[k].any())]
-    if not keep:
+    own = re.search(r"^radiation_ss: .*?; of ([^;]+)", head[0])
+    keep = [k for k in range(n) if (names[k] in own[1].strip().split(", ") if own else enabled[k])]
+    if not (b[:, keep].any() or c[keep].any()):
         raise InputError(f"{path.name}: no enabled degree of freedom has a column of B or a row of C other than zero")
     return RadiationFit(tuple(names[k] for k in keep), np.reshape(rows[:N], (N, N)), b[:, keep], -c[keep], order=N,
                         method=f"read from {path.name}")
@@ -79,6 +84,8 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
                for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
     if not entries:
         raise InputError(f"{path.name}: a model without radiation has no states to write; this form needs one at least")
+    nothing = -np.eye(1), np.zeros((1, 1)), np.zeros((1, 1))  # motions are told by their states, still ones too
+    entries |= {(at, at): nothing for at in places if all(at not in entry for entry in entries)}
     most = max(part[0].shape[0] for part in entries.values())
     # In memory, for on a disk that is full the HDF5 library ends the process.
     raw = BytesIO(path.read_bytes() if path.exists() else b"")
@@ -135,7 +142,7 @@ def _density(file: Any, fit: RadiationFit, path: Path) -> float:
 def read_bemio(path: Path) -> RadiationFit:
     """Read BEMIO's state_space groups: K = rho C (s I - A)^-1 B, entry by entry; D is left out, as WEC-Sim does.
 
-    Degrees of freedom without states are left out.
+    Degrees of freedom without states are left out; one whose states have no input or no output does not radiate.
     """
     import h5py
 
@@ -157,6 +164,9 @@ def read_bemio(path: Path) -> RadiationFit:
                 parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
                                                  rho * C[i, j].reshape(1, -1)[:, :states])
     told = {i for pair in parts for i in pair}
+    parts = {pair: part for pair, part in parts.items() if part[1].any() and part[2].any()}
+    if not parts:
+        raise InputError(f"{path.name}: no entry of its state_space groups has states with an input and an output")
     found = _joined(names, parts, path.name).select([name for i, name in enumerate(names) if i in told])
     return replace(found, rho=rho)
 

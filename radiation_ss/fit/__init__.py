@@ -5,6 +5,7 @@ from radiation_ss.methods import door
 __getattr__, __all__ = door(__name__, {
     "audit": "Audit",
     "certificate": "Certificate certify",
+    "joint": "order_of",
     "port": "Port port_of",
     "problem": "block_problem",
     "program": "minimise misfit_of solved",

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, lagrange, read_only
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.problem import Problem, joint_error, scales, symmetric
 from radiation_ss.fit.rational import Realisation, frequency_response
+from radiation_ss.hydro.band_end import beyond_band
 from radiation_ss.hydro.data import HydroData
 
 
@@ -92,7 +93,7 @@ def _walk(trial: Callable[[int], Trial], orders: Sequence[int], good: float = 0.
 class Suspect:
     """One sample that was weighted down."""
 
-    kind: str  # "spike" (irregular frequency, reading error) or "negative damping"
+    kind: str  # "spike" (irregular frequency, reading error), "negative damping" or "resonance above the band"
     # force, velocity: Degrees of freedom of the entry
     force: str
     velocity: str
@@ -109,7 +110,8 @@ def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
 
     Spikes are those of `_spikes` in the diagonal entries; in the couplings only where a diagonal entry has one too
     (irregular frequencies) or where K_ij and K_ji differ by half of it (reading errors): couplings of far bodies swing
-    faster than the frequencies are sampled. Negative damping is B_ii below -`negative` of its maximum.
+    faster than the frequencies are sampled. Negative damping is B_ii below -`negative` of its maximum. The part of a
+    resonance just above the band is that of `beyond_band`; its residues, and so the couplings' parts, have rank one.
     """
     K = data.K / np.outer(scales(data), scales(data))
     own = [_spikes(data.omega, K[:, i, i]) for i in range(data.n)]
@@ -124,7 +126,23 @@ def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
         damping = K[:, i, i].real
         found += [Suspect("negative damping", data.dofs[i], data.dofs[i], float(data.omega[k]), float(-damping[k]))
                   for k in np.flatnonzero(damping < -negative)]
+    parts = [beyond_band(data.omega, K[:, i, i])[1] for i in range(data.n)]
+    for i, j in combinations_with_replacement(range(data.n), 2):
+        part = np.sqrt(parts[i] * parts[j])
+        found += [Suspect("resonance above the band", data.dofs[i], data.dofs[j], float(data.omega[k]), float(part[k]))
+                  for k in np.flatnonzero(part)]
     return tuple(sorted(found, key=lambda s: (s.omega, s.force, s.velocity)))
+
+
+def above_band(data: HydroData, suspects: tuple[Suspect, ...]) -> Iterator[str]:
+    """Say for which motions the beginning of a resonance above the band is weighted down."""
+    first: dict[str, float] = {}
+    for suspect in suspects:
+        if suspect.kind == "resonance above the band" and suspect.force == suspect.velocity:
+            first.setdefault(suspect.force, suspect.omega)
+    for dof, omega in first.items():
+        yield (f"{dof}: towards {data.omega[-1]:.3g} rad/s K rises as to a resonance just above the band, as of an "
+               f"irregular frequency; samples from {omega:.3g} rad/s on count less, the more it has of them")
 
 
 def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.03, tolerated: float = 0.03,
@@ -134,20 +152,24 @@ def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.
     A sample that is off by z has 1 / (1 + (z / `tolerated`)^2), and a coupling is off by half of what it differs from
     its transpose: damping that a passive model must have to follow it would be put on the motions themselves. But a
     spike has at most `least`, so that the largest does not rule the fit, and negative damping at least `least`: what is
-    round-off keeps its say in the added mass. Where more than `few` of an entry's samples are suspicious they are no
-    outliers but the data, and count in full.
+    round-off keeps its say in the added mass. Where more than `few` of an entry's samples are such they are no outliers
+    but the data, and count in full. The samples of a resonance above the band share its error: together they count
+    as one.
     """
     skew = 0.5 * np.abs(data.K - np.swapaxes(data.K, 1, 2)) / np.outer(scales(data), scales(data))
     weight = 1.0 / (1.0 + (skew / tolerated) ** 2)
-    counts = Counter((suspect.force, suspect.velocity) for suspect in suspects)
+    limits = {"spike": (0.0, least), "negative damping": (least, 1.0)}
+    counts = Counter((suspect.kind in limits, suspect.force, suspect.velocity) for suspect in suspects)
     for suspect in suspects:
-        if counts[suspect.force, suspect.velocity] > few * data.omega.size:
+        alone = suspect.kind in limits
+        count = counts[alone, suspect.force, suspect.velocity]
+        if alone and count > few * data.omega.size:
             continue
         i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
-        bounded = 1.0 / (1.0 + (suspect.size / tolerated) ** 2)
-        share = min(least, bounded) if suspect.kind == "spike" else max(least, bounded)
+        share = 1.0 / (1.0 + (1 if alone else count) * (suspect.size / tolerated) ** 2)
+        share = np.clip(share, *limits.get(suspect.kind, (0.0, 1.0)))
         k = int(np.searchsorted(data.omega, suspect.omega))
-        weight[k, [i, j], [j, i]] = min(share, float(weight[k, i, j]))
+        weight[k, [i, j], [j, i]] = min(float(share), float(weight[k, i, j]))
     return weight
 
 
@@ -194,7 +216,30 @@ def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: floa
         spike = largest & (np.abs(off) > deviations * deviation) & (np.abs(off) > floor)
         spike &= beside < step * np.abs(off)
         apart = np.maximum(apart, np.where(spike, np.abs(off), 0.0))
+    for k in np.flatnonzero(apart):
+        _add_flanks(apart, omega, K, int(k), deviations, floor)
     return apart
+
+
+def _add_flanks(apart: FloatArray, omega: FloatArray, K: ComplexArray, spike: int, deviations: float,
+                floor: float) -> None:
+    """Add to `apart` the samples next to a spike that belong to it: an irregular frequency decays as 1 / |w - w0|.
+
+    They are off the cubic through two samples on either side of what is taken out by `floor`, and by `deviations`
+    robust standard deviations of what is as wide nearby.
+    """
+    for h in range(1, (omega.size - 4) // 2):
+        centres = np.arange(max(spike - 3 * (h + 2), h + 2), min(spike + 3 * (h + 2), omega.size - h - 3) + 1)
+        if spike not in centres:
+            return
+        edges, outside = (centres[:, None] + np.array(steps) for steps in ([-h, h], [-h - 2, -h - 1, h + 1, h + 2]))
+        off = np.stack([np.abs(K[edge] - np.einsum("kj,kj->k", lagrange(omega[outside], omega[edge]), K[outside]))
+                        for edge in edges.T], axis=1)
+        own = off[centres == spike][0]
+        own = np.where((own > floor) & (own > deviations * 1.4826 * np.median(off)), own, 0.0)
+        if not own.any():
+            return
+        apart[[spike - h, spike + h]] = np.maximum(apart[[spike - h, spike + h]], own)
 
 
 def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:

@@ -57,6 +57,11 @@ def fit_joint(problem: Problem, order: int, search: Search) -> tuple[FloatArray,
     return problem.rate * a, b, b.T, how
 
 
+def order_of(problem: Problem, states: int) -> int:
+    """Return the order that so many states are: the most of one motion."""
+    return -(-states // sum(independent(part) for part, _ in symmetric_parts(problem)))
+
+
 def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
     """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`: the
     eigenvectors of one combination of all samples lie in them.
@@ -79,7 +84,7 @@ def independent(problem: Problem, least: float = 0.1) -> int:
 
 
 def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
-    motions = independent(problem)
+    problem, motions = _as_told(problem, order), independent(problem)
     n2 = order * motions // 2
     form = Port(order * motions - n2, n2, problem.m, min(problem.m, n2) if problem.zero else 0)
     # A reciprocal K of so many poles, each with a residue of rank one.
@@ -98,11 +103,33 @@ def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
         starts.append(_grown_up(problem.without_points(), range(least, order + 1), motions, search, large, slow=True))
     if problem.x_points.size:  # the points, as samples of large weight, may lead elsewhere
         starts.append(_grown_up(problem, range(least, order + 1), motions, replace(search, known={}), large))
-    if not search.passive:
-        starts = [_released(*start, problem.thinned()) for start in starts]
     form, theta, how = _finished(starts, problem)
+    if not search.passive:  # the passive model is one of the free ones
+        starts = [form.released(theta), *(_released(*start, problem.thinned()) for start in [*starts, (form, theta)])]
+        form, theta, how = _finished(starts, problem)
     fewer = f"; {form.states} states do no worse than {order * motions}" if form.states < order * motions else ""
-    return *form.realise(theta), how + fewer
+    return *form.realise(theta), how + fewer + _held(form, theta, problem)
+
+
+def _as_told(problem: Problem, order: int, exact: float = 1e-6) -> Problem:
+    """Return the problem without a bound of resonances where a rational function meets more samples than it must.
+
+    Samples that are those of a system tell its poles, however narrow or far.
+    """
+    if problem.m > 1:
+        return problem
+    order = min(order, problem.x.size - 1)
+    runs = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero)
+    told = min(run[0] for run in runs) < exact * problem.norm
+    return replace(problem, resolved=0.0) if told else problem
+
+
+def _held(form: Port, theta: FloatArray, problem: Problem, near: float = 1.05) -> str:
+    """Say at which frequencies resonances would be narrower than the data resolve, were they not held."""
+    poles = np.asarray(np.linalg.eigvals(form.realise(theta)[0]), dtype=complex)
+    held = np.sort(poles.imag[(-poles.real < near * problem.resolvable(poles)[0]) & (poles.imag > 0.0)])
+    at = ", ".join(f"{x * problem.rate:.3g}" for x in held)
+    return f"; at {at} rad/s as narrow a resonance as the frequencies there resolve" * bool(held.size)
 
 
 def _too_fast(form: Port, theta: FloatArray, problem: Problem) -> bool:
@@ -183,8 +210,8 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
         rng, thin = np.random.default_rng(0), problem.thinned()
         near = [(form, theta * (1.0 + spread * rng.normal(size=theta.size)))
                 for form, theta in starts for spread in (0.0, 0.1, 0.3)]
-        starts = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
-        starts = sorted(starts, key=lambda start: cost(*start))[:2]
+        near = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
+        starts = sorted([*starts, *near], key=lambda start: cost(*start))[:2]
     starts = [(form, _slowed(form, theta, problem)) for form, theta in starts]
     runs = [(form, theta, *finish(form, dense, theta)) for form, theta in starts]
     form, theta, found, status = min(runs, key=lambda run: min(cost(run[0], run[1]), cost(run[0], run[2])))

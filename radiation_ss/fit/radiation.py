@@ -12,7 +12,7 @@ from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
 from radiation_ss.fit.choices import Trial
-from radiation_ss.fit.joint import Search, fit_joint
+from radiation_ss.fit.joint import Search, fit_joint, order_of
 from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import Realisation, frequency_response, observer_form, side_by_side
 from radiation_ss.fit.result import RadiationFit
@@ -106,13 +106,14 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(method, Search(passive, seed), notes)
-        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
+        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights,
+                                doubted=0.05 if weight is None else 0.0)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
         parts.append(_fit(problem, chosen, options))
         if problem.x_points.size and method == "casadi":
             _say_price_of_points(problem, parts[-1], chosen, options)
-        orders.append(chosen)
+        orders.append(chosen if order is not None else order_of(problem, parts[-1][0].shape[0]))  # fewer may do
         paths.append(path)
     a, b, c = side_by_side(parts, blocks, blocks, data.n)
     fitted = RadiationFit(data.dofs, a, b, c, order=max(orders), A_inf=data.A_inf, method=method,
@@ -129,7 +130,8 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
         warnings.warn(f"{data.source or 'data'}: {skew}", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, whole_error=joint_error(data, K), entry_error=entry_errors(data, K),
-                          notes=(*notes, *choices.left_out(data, weights, error)))
+                          notes=(*notes, *choices.above_band(data, suspects),
+                                  *choices.left_out(data, weights, error)))
 
 
 def fitfrd(frd: "ct.FrequencyResponseData", order: int | None = None, *, poor: float = 0.1,

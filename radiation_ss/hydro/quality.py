@@ -12,6 +12,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray, frequencies
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.band_end import above
 from radiation_ss.hydro.data import HydroData, body, mode
 from radiation_ss.hydro.findings import KINDS, Finding, QualityReport
 from radiation_ss.hydro.linear_waves import group_velocity, wave_number
@@ -61,8 +62,8 @@ def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
     rough = roughness(data)
     findings = [*_negative(data, smallest, vectors[:, :, 0], S, tolerance), *more,
                 *_asymmetric(data, skew, tolerance), *_limit_asymmetric(data, other, tolerance),
-                *narrow(data, rough, residual, smallest, tolerance), *haskind(data, tolerance),
-                *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
+                *narrow(data, rough, residual, smallest, tolerance), *above(data, silent, tolerance),
+                *haskind(data, tolerance), *_band(data, tail, silent, B, rough.max(axis=(1, 2)) > tolerance)]
     lead = horizontal_lead(data.X, data.C, data.dofs, data.directions)
     if lead is not None and is_reversed(lead):
         findings.append(Finding("wave phase", True, abs(lead), (), (), REVERSED))

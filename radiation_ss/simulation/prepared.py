@@ -82,19 +82,23 @@ class Prepared:
 
     def _at_steps(self, splines: Sequence[CubicSpline], clock: FloatArray | None = None) -> FloatArray:
         """Return `laid_out` at start, middle and end of each step, shape (nt, 9, k)."""
-        found, nt = laid_out(splines, half_steps(self.grid), clock), self.grid.size
+        nt, two = self.grid.size, 2.0 * float(self.grid[1] - self.grid[0])
+        found = laid_out(splines, half_steps(self.grid), clock, two)
         return np.stack([found[k:k + 2 * nt:2] for k in range(3)], axis=2).reshape(nt, 9, -1)
 
 
-def laid_out(splines: Sequence[CubicSpline], time: FloatArray, clock: FloatArray | None = None) -> FloatArray:
+def laid_out(splines: Sequence[CubicSpline], time: FloatArray, clock: FloatArray | None = None,
+             beyond: float = 0.0) -> FloatArray:
     """Return value, slope and clock (the times (nt, k) at which each acts; `time` if absent) of signals, (nt, 3, k).
-    They stand still before and after their samples.
+    They stand still before and after their samples; up to `beyond` [s] after them they go on straight: the reading of
+    the last sample leans on steps past it.
     """
     found = np.empty((time.size, 3, len(splines)))
     for i, f in enumerate(splines):
         found[:, 2, i] = time if clock is None else clock[:, i]
         inside = np.clip(found[:, 2, i], f.x[0], f.x[-1])
-        found[:, 0, i], found[:, 1, i] = f(inside), f(inside, 1)
+        found[:, 1, i] = f(inside, 1)
+        found[:, 0, i] = f(inside) + found[:, 1, i] * np.clip(found[:, 2, i] - f.x[-1], 0.0, beyond)
     return found
 
 
