@@ -13,9 +13,9 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import band_of, middle, spectrum_of
 from radiation_ss.simulation.force_checks import APART, displacements, forces
+from radiation_ss.simulation.pushes import let_go
 from radiation_ss.units import FORCE
 
 
@@ -53,7 +53,7 @@ def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) 
     if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
         return None
     if free:
-        record = replace(since_release(record)[0], kind="motion-only")  # windowed
+        record = replace(let_go(model, record)[0], kind="motion-only")  # windowed
     w = spectrum_of(record, record.time)[0][1:]
     x: ComplexArray = np.zeros((model.n, w.size), dtype=complex)  # zero of what stands still
     for i, spectrum in displacements(model, record).items():

@@ -10,12 +10,12 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
 from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.prepared import exciting_force
+from radiation_ss.simulation.pushes import let_go
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -182,7 +182,7 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     """
     if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
-    free, states = since_release(record)[0], model.fit.states + 2 * model.n
+    free, states = let_go(model, record)[0], model.fit.states + 2 * model.n
     columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
     own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i],
                                                spiky=False)) for i in range(model.n)]
