@@ -143,7 +143,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     result = concluded(problem, found, hidden, data, rules)
     far, sure = result.how_far, result.verdict.status in ("no_gap", "effect")
     if not sure and far.gap_after**2 > far.noise_floor**2 + rules.matters**2:
-        result = replace(result, misreadings=tuple(text for r in raw for text in misreadings(model, r)))
+        result = replace(result, misreadings=misreadings(model, raw))
     return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
                                               rules.unexplained)])
 

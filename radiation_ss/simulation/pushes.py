@@ -59,7 +59,7 @@ def let_go(model: Model, record: Record, rules: PushRules = PushRules()) -> tupl
     first, last = record.time[0], record.time[-1]
     acts = [(start, end if end < last - course.period else np.inf) for start, end in _acting(course, rules)
             ] if course else []
-    if not course or not acts or acts[0][0] <= first and acts[0][1] > last:
+    if not course or not acts or (acts[0][0] <= first and acts[0][1] > last):
         return since_release(record)
     said, given = list[str](), record
     record, held = since_release(record) if acts[0][0] > first else (record, ())
@@ -114,7 +114,8 @@ def _course(model: Model, record: Record, rules: PushRules) -> Course | None:
     best = int(np.argmin([np.median(load) for load in loads]))
     place = place - zeros[best]
     energy = 0.5 * (np.sum(place * (model.C @ place), axis=0) + np.sum(speed * (inertia @ speed), axis=0))
-    return Course(at[rules.samples // 4:][:energy.size], energy, np.sqrt(loads[best]), float(periods[restored].max()), step)
+    middle = at[rules.samples // 4:][:energy.size]
+    return Course(middle, energy, np.sqrt(loads[best]), float(periods[restored].max()), step)
 
 
 def _averages(x: FloatArray, count: int, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
