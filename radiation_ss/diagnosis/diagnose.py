@@ -141,8 +141,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
     result = concluded(problem, found, hidden, data, rules)
-    far, sure = result.how_far, result.verdict.status in ("no_gap", "effect")
-    if not sure and far.gap_after**2 > far.noise_floor**2 + rules.matters**2:
+    if result.verdict.status not in ("no_gap", "effect"):
         result = replace(result, misreadings=misreadings(model, raw))
     return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
                                               rules.unexplained)])
