@@ -14,8 +14,7 @@ from radiation_ss import Record
 from radiation_ss.cli import main
 from radiation_ss.errors import InputError
 from radiation_ss.records import column_conflicts
-from radiation_ss.simulation import check_decays, check_units, doubts, memory_length
-from radiation_ss.simulation.unit_checks import misreadings
+from radiation_ss.simulation import check_decays, check_units, doubts, memory_length, misreadings
 
 SEEDS = range(6)
 
