@@ -14,7 +14,7 @@ from radiation_ss import Record
 from radiation_ss.cli import main
 from radiation_ss.errors import InputError
 from radiation_ss.records import column_conflicts
-from radiation_ss.simulation import check_decays, check_units, doubts, memory_length, misreadings
+from radiation_ss.simulation import check_decays, check_units, doubts, memory_length, other_readings
 
 SEEDS = range(6)
 
@@ -294,9 +294,9 @@ def test_regular_tests_with_force_in_kilograms_are_told_together(seed):
             yield Record(time, {"Heave": x + 1e-4 * rng.normal(size=time.size), "Heave_force": force},
                          kind="prescribed", name=f"{omega:g}")
 
-    said, = misreadings(model, list(tests(1.0, 9.81)))
+    said, = other_readings(model, list(tests(1.0, 9.81)))
     assert said.startswith("records 3, 4.5, 8, 10, column Heave_force") and "taken from kgf to N" in said
-    assert not misreadings(model, list(tests(0.7, 1.0))) and not misreadings(model, list(tests(1.0, 1.0)))
+    assert not other_readings(model, list(tests(0.7, 1.0))) and not other_readings(model, list(tests(1.0, 1.0)))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -309,6 +309,6 @@ def test_a_motion_exchanged_with_the_elevation_is_told(seed):
     amplitude = (rng.normal(size=w.size) + 1j * rng.normal(size=w.size)) * 0.01 * np.exp(-(w - 6.0) ** 2 / 8.0)
     heave, waves = (np.real(np.exp(1j * np.outer(time, w)) @ (amplitude * by)) for by in (X / Z, 1.0))
     record = Record(time, {"Heave": heave, "wave_elevation": waves}, kind="waves", name="sea")
-    assert not misreadings(model, [record])
-    said, = misreadings(model, [record.with_channels(Heave=waves, wave_elevation=heave)])
+    assert not other_readings(model, [record])
+    said, = other_readings(model, [record.with_channels(Heave=waves, wave_elevation=heave)])
     assert "with Heave and wave_elevation exchanged the model leaves" in said

@@ -34,7 +34,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
 from radiation_ss.simulation.run import steady_force
-from radiation_ss.simulation.unit_checks import check_units, doubts, misreadings
+from radiation_ss.simulation.unit_checks import check_units, doubts, other_readings
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -142,7 +142,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
                  "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
     result = concluded(problem, found, hidden, data, rules)
     if result.verdict.status not in ("no_gap", "effect"):
-        result = replace(result, misreadings=misreadings(model, raw))
+        result = replace(result, misreadings=other_readings(model, raw))
     return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
                                               rules.unexplained)])
 

@@ -18,5 +18,5 @@ __getattr__, __all__ = door(__name__, {
     "rollout": "interpolate Motion Rollout",
     "run": "run_in_steps simulate",
     "spikes": "SpikeRules without_spikes without_spikes_of_force",
-    "unit_checks": "check_decays check_units doubts memory_length misreadings",
+    "unit_checks": "check_decays check_units doubts memory_length other_readings",
 })

@@ -110,7 +110,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
-def misreadings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+def other_readings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
     """Return a sentence for what the columns of records may be instead: another reading fits the model far better, or
     two sensors of one motion contradict each other. Of records of one kind and of the same columns, each or all.
     """
