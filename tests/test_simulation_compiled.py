@@ -214,3 +214,24 @@ def test_steps_split_where_friction_sets_in_give_what_short_ones_give(width):
     assert np.abs(x - y).max() < 1e-4 * np.abs(y).max()
     assert np.abs(dx - dy).max(axis=(0, 1)) == pytest.approx(0.0, abs=2e-2 * np.abs(dy).max())
     assert parts[:, 2].max() > 2 and len(parts) < 0.02 * len(all_parts)
+
+
+@pytest.mark.filterwarnings("error")
+def test_derivatives_that_grow_without_bounds_are_not_known():
+    """An unstable body at rest: the path stays, e^(s t) of its derivatives is no number at last."""
+    model = coupled_model()
+    rollout = Rollout(model, [Active(library()["linear_damping"], "Roll", {})], h=0.05)
+    time, p = 0.05 * np.arange(20_000), np.array([-5e6])
+    grown = np.linalg.eigvals(closed(model, -5e6)).real.max() * time
+    motion = rollout.run(np.zeros(rollout.ns), np.zeros((time.size, 9, model.n)), time, p,
+                         columns=np.zeros((1, rollout.ns)), d_start=np.eye(rollout.ns))
+    known = np.isfinite(motion.d_state).all(axis=(1, 2))
+    assert not motion.state.any() and known[grown < 300.0].all() and not known[grown > 400.0].any()
+
+
+def closed(model, coefficient):
+    """Return the state matrix of a model with damping of its second motion."""
+    F, G = model.matrices()
+    v = model.fit.states + model.n
+    F[:, v + 1] -= coefficient * G[:, 1]
+    return F

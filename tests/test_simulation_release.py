@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from plant_bodies import tank_model
+from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
 from radiation_ss.records import since_release
-from radiation_ss.simulation import simulate
+from radiation_ss.simulation import let_go, simulate
 
 PERIOD = 4.0
 
@@ -121,3 +122,78 @@ def test_a_record_that_does_not_move_the_model_is_refused():
         simulate(model, roll)
     assert simulate(model, roll, start={"Heave": 0.02}).outputs[0, 0] == 0.02
     assert not np.any(simulate(model, roll.with_channels(Heave_force=0.0 * time)).outputs)
+
+
+def restored(damping=0.05):
+    """Return the body whose free motion `decay` is."""
+    return rss.body(dof="Heave", mass=50.0, added_mass=0.0, C=50.0 * (2.0 * np.pi / PERIOD) ** 2,
+                    damping_ratio=damping)
+
+
+def joined(*parts, rng, noise=0.003, step=0.1):
+    """Return a decay of paths one after the other, with noise of a share of .3."""
+    x = np.concatenate(parts)
+    x = x + noise * 0.3 * rng.standard_normal(x.size)
+    return rss.Record(step * np.arange(x.size), {"Heave": x}, kind="decay", name="run")
+
+
+def lift(begin, periods, rng, smooth):
+    """Return a path to .3 in some periods, even or with a start and an end at rest, without its last sample."""
+    u = np.linspace(0.0, 1.0, int(periods * PERIOD / 0.1), endpoint=False)
+    return begin + (0.3 - begin) * (u * u * (3.0 - 2.0 * u) if smooth else u)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_before_the_release_of_a_pushed_body_is_left_out(seed):
+    rng = np.random.default_rng(seed)
+    damping, rest, hold = rng.uniform(0.01, 0.2), rng.uniform(0.0, 3.0), rng.uniform(0.0, 3.0)
+    before = np.concatenate([np.zeros(int(rest * PERIOD / 0.1)), lift(0.0, rng.uniform(1.0, 6.0), rng, seed % 2),
+                             np.full(int(hold * PERIOD / 0.1), 0.3)])
+    free = decay(rng, 0.0, damping=damping).channels["Heave"]
+    model = restored(damping * rng.uniform(0.5, 1.5))
+    for noise in (0.0, 0.003, 0.02):
+        record, (said,) = let_go(model, joined(before, free, rng=rng, noise=noise))
+        # The averages are over half a period: what is not held at last is known to a quarter of that.
+        assert -0.1 <= record.time[0] - 0.1 * before.size + 1e-9 < 0.125 * PERIOD
+        assert "pushed and held until" in said
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_between_two_decays_is_left_out(seed):
+    rng = np.random.default_rng(seed)
+    free = decay(rng, 0.0, damping=0.02).channels["Heave"]
+    first = free[:int(rng.uniform(4.0, 7.0) * PERIOD / 0.1)]
+    between = np.concatenate([lift(first[-1], 3.0, rng, seed % 2), np.full(40, 0.3)])
+    record, (said,) = let_go(restored(), joined(first, between, free, rng=rng))
+    out = record.time[np.isnan(record.channels["Heave"])]
+    start, end = 0.1 * first.size, 0.1 * (first.size + between.size)
+    assert start - PERIOD < out[0] < start + 0.25 * PERIOD and abs(out[-1] - end) < 0.25 * PERIOD
+    assert "a force that is not in the model acts from" in said
+    found = rss.diagnose(restored(0.02), record.with_channels(Heave=joined(first, between, free, rng=rng).channels[
+        "Heave"]), effects=["quadratic_drag"])
+    assert found.verdict.status == "no_gap"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_body_that_is_stopped_is_not_looked_at_any_more(seed):
+    rng = np.random.default_rng(seed)
+    free = decay(rng, 0.0, damping=0.02).channels["Heave"]
+    first = free[:int(rng.uniform(3.0, 6.0) * PERIOD / 0.1)]
+    for place in (0.0, first[-1]):
+        record, said = let_go(restored(), joined(first, np.full(100, place), rng=rng))
+        assert abs(record.time[-1] - 0.1 * first.size) < 0.5 * PERIOD
+        assert "s on; that is left out" in said[0]
+
+
+@pytest.mark.parametrize("law", [lambda x, v: -0.05 * np.tanh(v / 1e-3), lambda x, v: -0.6 * v * abs(v),
+                                 lambda x, v: -0.4 * x, lambda x, v: 0.3 * x, lambda x, v: -0.5 * v,
+                                 lambda x, v: 6.0 * x**3, lambda x, v: 0.1, lambda x, v: -3.0 * v],
+                         ids=["friction", "drag", "stiffer", "softer", "damping", "softening", "offset", "overdamped"])
+def test_what_resists_or_restores_a_body_is_no_push(law):
+    rng, omega = np.random.default_rng(0), 2.0 * np.pi / PERIOD
+    for start in (0.3, -0.1):
+        moved = solve_ivp(lambda t, s: [s[1], -omega**2 * s[0] - 0.04 * omega * s[1] + law(*s)], (0.0, 60.0),
+                          [start, 0.0], t_eval=np.arange(0.0, 60.0, 0.1), rtol=1e-7, max_step=0.05)
+        for noise in (0.0, 0.003):
+            record = joined(moved.y[0], rng=rng, noise=noise)
+            assert let_go(restored(), record) == (record, ())

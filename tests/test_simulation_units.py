@@ -14,7 +14,7 @@ from radiation_ss import Record
 from radiation_ss.cli import main
 from radiation_ss.errors import InputError
 from radiation_ss.records import column_conflicts
-from radiation_ss.simulation import check_decays, check_units, doubts, memory_length
+from radiation_ss.simulation import check_decays, check_units, doubts, memory_length, other_readings
 
 SEEDS = range(6)
 
@@ -278,3 +278,37 @@ def test_a_motion_that_only_a_numerical_coupling_drives_is_not_compared_with_the
     found = rss.diagnose(model, [record], effects=["linear_damping", "quadratic_drag"])
     assert [(e.name, e.dof) for e in found.verdict.effects] == [("linear_damping", "Roll")]
     assert {dof for _, dof in found.budget.by_record} == {"Roll"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_regular_tests_with_force_in_kilograms_are_told_together(seed):
+    model = rss.body(dof="Heave", mass=50.0, C=3000.0, period=1.0, damping_ratio=0.06)
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 20.0, 0.02)
+    inertia, D, C = (model.M + model.A_inf)[0, 0], model.D[0, 0], model.C[0, 0]
+
+    def tests(share, unit):
+        """Return a test at each of four frequencies, of a body with `share` of the stiffness."""
+        for omega in (3.0, 4.5, 8.0, 10.0):
+            x, v = 0.08 * np.sin(omega * time), 0.08 * omega * np.cos(omega * time)
+            force = ((share * C - inertia * omega**2) * x + D * v) / unit + 0.5 * rng.normal(size=time.size)
+            yield Record(time, {"Heave": x + 1e-4 * rng.normal(size=time.size), "Heave_force": force},
+                         kind="prescribed", name=f"{omega:g}")
+
+    said, = other_readings(model, list(tests(1.0, 9.81)))
+    assert said.startswith("records 3, 4.5, 8, 10, column Heave_force") and "taken from kgf to N" in said
+    assert not other_readings(model, list(tests(0.7, 1.0))) and not other_readings(model, list(tests(1.0, 1.0)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_exchanged_with_the_elevation_is_told(seed):
+    model, rng, time = with_waves(tank()), np.random.default_rng(seed), np.arange(0.0, 60.0, 0.05)
+    data = model.hydro
+    w = data.omega[(data.omega > 3.0) & (data.omega < 12.0)]
+    A, B, X = (row[np.isin(data.omega, w)].ravel() for row in (data.A, data.B, data.X))
+    Z = -w**2 * (model.M[0, 0] + A) + 1j * w * B + model.C[0, 0]
+    amplitude = (rng.normal(size=w.size) + 1j * rng.normal(size=w.size)) * 0.01 * np.exp(-(w - 6.0) ** 2 / 8.0)
+    heave, waves = (np.real(np.exp(1j * np.outer(time, w)) @ (amplitude * by)) for by in (X / Z, 1.0))
+    record = Record(time, {"Heave": heave, "wave_elevation": waves}, kind="waves", name="sea")
+    assert not other_readings(model, [record])
+    said, = other_readings(model, [record.with_channels(Heave=waves, wave_elevation=heave)])
+    assert "with Heave and wave_elevation exchanged the model leaves" in said

@@ -34,7 +34,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
 from radiation_ss.simulation.run import steady_force
-from radiation_ss.simulation.unit_checks import check_units, doubts, misreadings
+from radiation_ss.simulation.unit_checks import check_units, doubts, other_readings
 
 __all__ = ["Diagnosis", "diagnose"]
 
@@ -141,9 +141,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
     result = concluded(problem, found, hidden, data, rules)
-    far, sure = result.how_far, result.verdict.status in ("no_gap", "effect")
-    if not sure and far.gap_after**2 > far.noise_floor**2 + rules.matters**2:
-        result = replace(result, misreadings=tuple(text for r in raw for text in misreadings(model, r)))
+    if result.verdict.status not in ("no_gap", "effect"):
+        result = replace(result, misreadings=other_readings(model, raw))
     return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
                                               rules.unexplained)])
 

@@ -37,8 +37,9 @@ from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.marks import check_no_codes
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import check_given_once, named_apart, since_release
+from radiation_ss.records.record_checks import check_given_once, named_apart
 from radiation_ss.simulation.headings import along_waves, directional
+from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.unit_checks import check_decays, check_units, doubts
 
 if TYPE_CHECKING:
@@ -147,7 +148,8 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
             check_force_known(model, record)
     check_given_once(runs)
     check_no_codes(runs)
-    freed = [since_release(record) for record in named_apart(runs)]
+    check_decays(model, named_apart(runs))
+    freed = [let_go(model, record) for record in named_apart(runs)]
     runs = tuple(record for record, _ in freed)
     waves = [r for r in runs if by_waves(model, r, method)]
     untold = [r.name for r in waves
@@ -158,7 +160,6 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     check_units(model, runs)
-    check_decays(model, runs)
     studies = []
     # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
     forced = sum(record.kind != "decay" for record in runs) > len(waves)

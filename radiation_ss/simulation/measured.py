@@ -11,9 +11,10 @@ from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.hydro.data import HydroData, motion_unit
 from radiation_ss.records.faults import without_faults
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release, without_dead, without_gravity
+from radiation_ss.records.record_checks import without_dead, without_gravity
 from radiation_ss.records.signals import middle, only_noise, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
+from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.spikes import without_spikes, without_spikes_of_force
 
 
@@ -25,7 +26,7 @@ def measured_freely(model: Model, record: Record) -> tuple[Record, tuple[str, ..
     said: tuple[str, ...] = ()
     for clean in (without_dead, without_gravity, without_faults,
                   lambda given: without_spikes(given, 2.0 * np.pi / fastest),
-                  lambda given: without_spikes_of_force(model, given), since_release):
+                  lambda given: without_spikes_of_force(model, given), lambda given: let_go(model, given)):
         record, more = clean(record)
         said += more
     return record, said

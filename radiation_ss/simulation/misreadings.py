@@ -1,6 +1,6 @@
 """Whether a record fits the model far better with two columns exchanged, a sign turned, or its force in kgf."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
@@ -12,10 +12,11 @@ from scipy.optimize import lsq_linear
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
+from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import band_of, middle, spectrum_of
 from radiation_ss.simulation.force_checks import APART, displacements, forces
+from radiation_ss.simulation.pushes import let_go
 from radiation_ss.units import FORCE
 
 
@@ -43,43 +44,85 @@ class Reading(NamedTuple):
     force: FloatArray
 
 
-def misread(model: Model, record: Record, rules: ReadingRules = ReadingRules()) -> tuple[str, str] | None:
+class Spectra(NamedTuple):
+    """Motions and forces of some records at their frequencies, ascending."""
+
+    w: FloatArray
+    x: ComplexArray
+    F: ComplexArray
+    waves: bool  # Whether X makes the forces of an elevation
+
+
+def misread(model: Model, records: Sequence[Record], rules: ReadingRules = ReadingRules()) -> tuple[str, str] | None:
     """Return kind and sentence if another reading of the columns leaves far less of the forces than that as given.
 
     What is left is F - Z x, of each force (in a decay: of the body's inertia force) its own share, by the body that
-    fits best under that reading: an effect that the model lacks is in all of them.
+    fits best under that reading: an effect that the model lacks is in all of them. Records of one kind and of the same
+    columns are read alike: several regular tests tell what each of them does not.
     """
-    free, inputs = record.kind == "decay" and model.n > 1, forces(model, record)
-    if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
+    given = _spectra(model, records)
+    if given is None:
         return None
-    if free:
-        record = replace(since_release(record)[0], kind="motion-only")  # windowed
-    w = spectrum_of(record, record.time)[0][1:]
-    x: ComplexArray = np.zeros((model.n, w.size), dtype=complex)  # zero of what stands still
-    for i, spectrum in displacements(model, record).items():
-        x[i] = spectrum
-    F: ComplexArray = inputs[1][:, 1:] if inputs else np.zeros_like(x)
+    w, x, F, waves = given
+    free = not F.any()
     of = _measure(model, w, x, F)
     energy = np.linalg.norm(of, axis=1) ** 2 / np.diag(model.M + model.A_inf)
     acts = energy > rules.weak * max(energy)
     power = [np.abs(f[band_of(w, f)]) ** 2 for f in of[acts]]
     if not power or (not free and min(p.sum() ** 2 / max(np.sum(p**2), 1e-300) for p in power) < rules.lines):
         return None
-    as_given = _left(model, w, x, F, acts, rules)
+    as_given = _left(model, given, acts, rules)
     if as_given < rules.least:
         return None
     known = [i for i in range(model.n) if F[i].any()]
-    found = [(_left(model, w, reading.motion @ x, reading.force @ F,
+    found = [(_left(model, given._replace(x=reading.motion @ x, F=reading.force @ F),
                     (reading.motion if free else reading.force) @ acts != 0.0, rules), reading)
-             for reading in _readings(model, record, known, inputs is not None and inputs[2] is not None)]
+             for reading in _readings(model, records[0], known, waves)]
+    if waves:
+        found += [(_left(model, spectra, acts, rules), reading)
+                  for spectra, reading in _with_elevation(model, records)]
     best = min(left for left, _ in found)
     if best > rules.fits or as_given < rules.times * best:
         return None
     alike = [reading for left, reading in found if left < 1.1 * best]
     columns = dict.fromkeys(column for reading in alike for column in reading.columns)
     return alike[0].kind, (
-        f"column {' or '.join(columns)}, all {record.time.size} rows: with {' or '.join(r.words for r in alike)} the "
-        f"model leaves {as_given / best:.3g} times less unexplained; check the {alike[0].kind} of the columns")
+        f"column {' or '.join(columns)}, all {sum(record.time.size for record in records)} rows: with "
+        f"{' or '.join(r.words for r in alike)} the model leaves {as_given / best:.3g} times less unexplained; check "
+        f"the {alike[0].kind} of the columns")
+
+
+def _spectra(model: Model, records: Sequence[Record]) -> Spectra | None:
+    """Return the spectra of all records; None if a motion or the force of one is not known."""
+    parts, waves = list[tuple[FloatArray, ComplexArray, ComplexArray]](), False
+    for record in records:
+        free, inputs = record.kind == "decay" and model.n > 1, forces(model, record)
+        if not (free or inputs) or not {*model.dofs} <= {*record.dofs}:
+            return None
+        if free:
+            record = replace(let_go(model, record)[0], kind="motion-only")  # windowed
+        w = spectrum_of(record, record.time)[0][1:]
+        x: ComplexArray = np.zeros((model.n, w.size), dtype=complex)  # zero of what stands still
+        for i, spectrum in displacements(model, record).items():
+            x[i] = spectrum
+        parts.append((w, x, inputs[1][:, 1:] if inputs else np.zeros_like(x)))
+        waves = waves or (inputs is not None and inputs[2] is not None)
+    w, x, F = (np.concatenate(rows, axis=-1) for rows in zip(*parts))
+    order = np.argsort(w, kind="stable")
+    return Spectra(w[order], x[:, order], F[:, order], waves)
+
+
+def _with_elevation(model: Model, records: Sequence[Record]) -> Iterator[tuple[Spectra, Reading]]:
+    """Yield the spectra of records with the elevation and a translation exchanged."""
+    eye = np.eye(model.n)
+    for dof in model.dofs:
+        if motion_unit(dof) == "m" and all(dof in record.channels for record in records):
+            turned = _spectra(model, [record.with_channels(**{dof: record.channels["wave_elevation"],
+                                                              "wave_elevation": record.channels[dof]})
+                                      for record in records])
+            if turned is not None:
+                words = f"{dof} and wave_elevation exchanged"
+                yield turned, Reading("order", (dof, "wave_elevation"), words, eye, eye)
 
 
 def _readings(model: Model, record: Record, known: list[int], waves: bool) -> Iterator[Reading]:
@@ -117,9 +160,9 @@ def _measure(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray) -> C
     return np.asarray((np.diag(model.M + model.A_inf) * pace**2)[:, None] * x)
 
 
-def _left(model: Model, w: FloatArray, x: ComplexArray, F: ComplexArray, acts: NDArray[np.bool_],
-          rules: ReadingRules) -> float:
+def _left(model: Model, given: Spectra, acts: NDArray[np.bool_], rules: ReadingRules) -> float:
     """Return the rms share of the forces that the model leaves, stiffness, inertia and damping as fits them best."""
+    w, x, F, _ = given
     C, inertia, Z, shares = model.C, model.M + model.A_inf, impedance(model, w), []
     of = _measure(model, w, x, F)
     for i in np.flatnonzero(acts):

@@ -130,14 +130,19 @@ class Rollout:
         return "; the effects make the model unstable" if self.actives else "; the model is unstable"
 
     def derivatives(self, parts: Parts, drive: FloatArray, time: FloatArray, p: FloatArray, columns: FloatArray,
-                    d_start: FloatArray) -> FloatArray:
-        """Return the derivatives of the states along a path in known parts of steps, shape (nt, ns, nc)."""
+                    d_start: FloatArray, largest: float = 1e150) -> FloatArray:
+        """Return the derivatives of the states along a path in known parts of steps, shape (nt, ns, nc).
+
+        Those that grow without bounds, beyond the `largest` whose square is a number, are not known: nan.
+        """
         from radiation_ss.simulation.steps import propagate_slopes
 
         slope, result = self.mapped("slope"), np.empty((time.size, *d_start.shape))
         result[0] = d_start
         propagate_slopes((slope.each, *slope.prepared(p)), (self.half, self.whole), self.rows, self.h, (drive, time),
                          parts, np.ascontiguousarray(columns), result)
+        if not max(result.max(initial=0.0), -result.min(initial=0.0)) < largest:
+            result[~(np.abs(result) < largest)] = np.nan
         return result
 
     def mapped(self, name: str) -> Compiled:

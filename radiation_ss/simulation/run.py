@@ -19,10 +19,10 @@ from radiation_ss.methods import accepting
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.convert import as_record_or_force
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import unread
 from radiation_ss.simulation.driven import equilibrium
 from radiation_ss.simulation.prepared import Channel, Prepared, driven_at, prepare
+from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.start import fitted_start, step_size
 
@@ -104,7 +104,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     if begin is None and (unmoved or record_or_force is not record):
         begin = np.zeros(model.fit.states + 2 * model.n)
     actives = activated(effects, model)
-    free = record if begin is not None else since_release(record)[0]
+    free = record if begin is not None else let_go(model, record)[0]
     rollout, prepared, motion, p = run(model, free, actives, begin, trim=begin is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)
     held, early = record.time < free.time[0], record.time < prepared.grid[0]

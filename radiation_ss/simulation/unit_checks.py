@@ -10,12 +10,12 @@ from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.record import Record
-from radiation_ss.records.record_checks import since_release
 from radiation_ss.records.signals import FACTOR
 from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.prepared import exciting_force
+from radiation_ss.simulation.pushes import let_go
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -51,7 +51,7 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
     off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
         moves_as(model, other, dof) for other in records if other is not record)]
     if off := off + turned(model, record):
-        kind, text = misread(model, record) or ("", "")
+        kind, text = misread(model, [record]) or ("", "")
         yield from [text] if kind == "order" else off
 
 
@@ -94,7 +94,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
                 for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART]
     else:
-        kind, text = misread(model, record) or ("", "")
+        kind, text = misread(model, [record]) or ("", "")
         told = kind in ("order", "sign")
         large = [] if told else list(sizes(model, record))
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
@@ -110,15 +110,22 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     return tuple(f"record {record.name}, {text}" for text in said)
 
 
-def misreadings(model: Model, record: Record) -> tuple[str, ...]:
-    """Return a sentence for what the columns of a record may be instead: another reading fits the model far better, or
-    two sensors of one motion contradict each other.
+def other_readings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+    """Return a sentence for what the columns of records may be instead: another reading fits the model far better, or
+    two sensors of one motion contradict each other. Of records of one kind and of the same columns, each or all.
     """
-    if record.kind == "static":
-        return ()
-    found = misread(model, record)
-    said = [found[1]] if found else [text for dof in model.dofs for text in signals.column_doubts(record, dof)]
-    return tuple(f"record {record.name}, {text}" for text in said)
+    said, alike = list[str](), dict[tuple[str, frozenset[str]], list[Record]]()
+    for record in records:
+        if record.kind != "static":
+            alike.setdefault((record.kind, frozenset(record.channels)), []).append(record)
+    for group in alike.values():
+        found = [(record, misread(model, [record])) for record in group]
+        if len(group) > 1 and not any(text for _, text in found) and (all_of := misread(model, group)):
+            said.append(f"records {', '.join(record.name for record in group)}, {all_of[1]}")
+            continue
+        said += [f"record {record.name}, {text}" for record, other in found for text in (
+            [other[1]] if other else [text for dof in model.dofs for text in signals.column_doubts(record, dof)])]
+    return tuple(said)
 
 
 def slow_by_nature(record: Record) -> bool:
@@ -182,7 +189,7 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
     """
     if record.kind != "decay" or record.speed or np.any(np.diag(model.C) <= 0.0):
         return []
-    free, states = since_release(record)[0], model.fit.states + 2 * model.n
+    free, states = let_go(model, record)[0], model.fit.states + 2 * model.n
     columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
     own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i],
                                                spiky=False)) for i in range(model.n)]
