@@ -29,6 +29,16 @@ def data() -> Path:
     return folder
 
 
+def pytest_collection_modifyitems(config, items):
+    """Leave out the studies, which take long, unless all seeds are asked for or one test is named."""
+    if os.environ.get("RADIATION_SS_SEEDS") == "all" or any("::" in argument for argument in config.args):
+        return
+    studies = set((ROOT / "tests" / "studies.txt").read_text(encoding="utf-8").splitlines())
+    left = [item for item in items if item.nodeid.partition("tests/")[2] in studies]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in left]
+
+
 def _process(folder, *arguments):
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, "-m", *arguments], cwd=folder, env=environment,

@@ -25,3 +25,10 @@ def test_conda_recipe_states_the_dependencies_of_the_wheel():
     stated = {tuple(line.strip(" -").split(" >=")) for line in run.splitlines()}
     wanted = {tuple(r.split(">=")) for r in PROJECT["dependencies"]}
     assert stated == {(CONDA_NAMES.get(name, name), low) for name, low in wanted} | {("python", "3.11")}
+
+
+def test_studies_are_tests():
+    """A name that no test has would leave nothing out."""
+    for line in (ROOT / "tests" / "studies.txt").read_text(encoding="utf-8").splitlines():
+        name, _, test = line.partition("::")
+        assert f"\ndef {test.partition('[')[0]}(" in (ROOT / "tests" / name).read_text(encoding="utf-8"), line
