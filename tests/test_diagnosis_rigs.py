@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter, lsim
+from seeds import some
 
 import radiation_ss as rss
 from radiation_ss.effects import Line, catenary, effect_named, named
@@ -292,3 +294,25 @@ def test_a_steady_load_that_carries_a_free_body_away_is_told_with_its_size(load,
     if load:
         assert sizes["constant_force"]["force"] == pytest.approx(load, rel=0.05)
         assert found.how_far.gap_after < 0.05 * found.how_far.gap_before
+
+
+@pytest.mark.parametrize("seed", some(range(2)))
+def test_a_taut_line_stiffer_than_the_water_is_found_in_its_own_shape(seed):
+    """A line of 2.8 C that falls slack: from the starts of its shape alone six smooth effects look likelier."""
+    rng, time, records = np.random.default_rng(seed), 0.05 * np.arange(600), []
+    model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=50.0, damping_ratio=0.02)
+
+    def moved(force, start):
+        found = solve_ivp(lambda t, z: [z[1], 0.5 * (force(t) - 140.0 * max(z[0] + 0.025, 0.0) + 3.5 - 50.0 * z[0]
+                                                     - 0.4 * z[1])], (0.0, time[-1]), [start, 0.0], t_eval=time,
+                          max_step=0.005, rtol=1e-8, atol=1e-10).y[0]
+        return found + 0.003 * found.std() * rng.standard_normal(time.size)
+
+    for start in (0.1, -0.14):
+        records.append(rss.Record(time, {"Heave": moved(lambda t: 0.0, start)}, kind="decay", name=f"from {start} m"))
+    omega, (a, b) = rng.uniform(3.0, 12.0, 40), 0.35 * rng.normal(size=(2, 40))
+    force = CubicSpline(fine := np.arange(0.0, 30.1, 0.01), np.cos(np.outer(fine, omega)) @ a
+                        + np.sin(np.outer(fine, omega)) @ b)
+    records.append(rss.Record(time, {"Heave": moved(force, 0.0), "Heave_force": force(time)}, kind="forced"))
+    line, = rss.diagnose(model, records).verdict.effects
+    assert line.name == "slack_mooring" and line.parameters["stiffness"][0] == pytest.approx(140.0, rel=0.05)

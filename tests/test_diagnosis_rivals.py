@@ -173,6 +173,14 @@ def test_a_sure_effect_is_never_no_gap_where_the_unseen_gap_stays(outside, told)
     assert status == told and sets == ((("end_stop",),) if told == "ambiguous" else ())
 
 
+def test_what_predicts_unseen_records_no_better_may_be_absent():
+    grounds = Grounds((), (), (), (("relative_stiffness",), ("coupling_stiffness",)), 0.0, 0.1, 0.9, 0.0, whole=False,
+                      checked=True, matter=True, shrinks=False, grows=True, closes=False, outside=False, plausible=True,
+                      moved=False, surprising=False, no_more=0.4)
+    status, _, sets = verdict(grounds, SimpleNamespace(probabilities=lambda: [0.5]), ["Heave"])
+    assert status == "ambiguous" and sets == ((), ("relative_stiffness",), ("coupling_stiffness",))
+
+
 @pytest.mark.parametrize("sets", [((), ("linear_stiffness",)), (("linear_stiffness",),)])
 def test_that_nothing_is_there_is_no_answer_where_it_is_rather_not_so(sets):
     grounds = Grounds((), (), (), sets, 0.0, 0.4, 0.9, 0.0, whole=True, checked=True, matter=False, shrinks=True,

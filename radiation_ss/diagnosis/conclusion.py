@@ -199,7 +199,9 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         # Effects of one set that do not stand out beside each other stand for each other, each beside those that do.
         clear = tuple(label(dofs, e.name, e.dof) for e in on.named)
         apart = tuple((*clear, one) for one in on.sets[0] if one not in clear)
-        return "ambiguous", first, on.sets if len(on.sets) > 1 or not apart else apart
+        sets = on.sets if len(on.sets) > 1 or not apart else apart
+        # What predicts no better, and is not sure by itself, may as well be absent.
+        return "ambiguous", first, sets if on.shrinks or on.named else ((), *sets)
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
     if on.moved and ((on.surprising and len(on.sets) > 1) or on.rather):

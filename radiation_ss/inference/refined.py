@@ -17,7 +17,7 @@ from radiation_ss.inference.linear_model import Columns, Sizes, joined
 from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import promise, solve_set
+from radiation_ss.inference.search import promise, solve_set, start_sizes
 
 Slope = tuple[int, str, Slab, Columns]  # which term, the name of its number, its prior, the change of the error
 
@@ -29,9 +29,16 @@ def shaped(candidate: Candidate) -> Keys:
 
 def likely_shapes(problem: EquationError, null: Candidate, terms: Sequence[Term],
                   rules: SearchRules) -> list[Candidate]:
-    """Return the sets of the likeliest effects with a shape, in the shape that fits best."""
-    return [fitted_shapes(problem, solve_set(problem, [term], null.posterior.sizes, rules, learned=False), rules)
-            for term in likely(problem, null, [t for t in terms if t.shaped], rules)]
+    """Return the sets of the likeliest effects with a shape, each in the shape that fits best from its likeliest start.
+
+    At the prior's medians: sizes of the set without effects hold what an effect would explain.
+    """
+    free, sizes, found = [t for t in terms if t.shaped], start_sizes(problem), []
+    for one in likely(problem, null, free, rules):
+        starts = (solve_set(problem, [t], sizes, rules, learned=False) for t in free if t.key == one.key)
+        best = max(starts, key=lambda c: c.log_probability)
+        found.append(fitted_shapes(problem, solve_set(problem, best.terms, sizes, rules, near=best), rules))
+    return found
 
 
 def rivals(problem: EquationError, best: Candidate, terms: Sequence[Term], rules: SearchRules,
@@ -50,9 +57,9 @@ def rivals(problem: EquationError, best: Candidate, terms: Sequence[Term], rules
 
 
 def likely(problem: EquationError, null: Candidate, terms: Sequence[Term], rules: SearchRules) -> list[Term]:
-    """Return the terms of the effects that are likelier there than not, the likeliest first, a beam at most."""
+    """Return the terms of the effects that are likelier there than not, the likeliest first."""
     best = promise(problem, null, problem.base, terms, rules).values()
-    return [term for odds, term in sorted(best, key=lambda pair: -pair[0])[: rules.beam] if odds > 0.0]
+    return [term for odds, term in sorted(best, key=lambda pair: -pair[0]) if odds > 0.0]
 
 
 def fitted_shapes(problem: EquationError, candidate: Candidate, rules: SearchRules, present: Sequence[str] = (),
