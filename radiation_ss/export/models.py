@@ -60,7 +60,7 @@ def read_openfast(path: Path) -> RadiationFit:
                          f"{N} rows of {N}, {N} rows of {n}, {n} rows of {N}")
     names = six_dofs([""] * (n // 6))
     b, c = np.reshape(rows[N:2 * N], (N, n)), np.reshape(rows[2 * N:], (n, N))
-    own = re.search(r"^radiation_ss: .*?; of ([^;]+)", head[0])
+    own = re.search(r"^radiation_ss: .*?; of ([^;]+)", " ".join(head[0].split()))
     keep = [k for k in range(n) if (names[k] in own[1].strip().split(", ") if own else enabled[k])]
     if not (b[:, keep].any() or c[keep].any()):
         raise InputError(f"{path.name}: no enabled degree of freedom has a column of B or a row of C other than zero")

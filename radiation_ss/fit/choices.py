@@ -222,21 +222,22 @@ def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: floa
 
 
 def _add_flanks(apart: FloatArray, omega: FloatArray, K: ComplexArray, spike: int, deviations: float,
-                floor: float) -> None:
+                floor: float, narrow: float = 0.5) -> None:
     """Add to `apart` the samples next to a spike that belong to it: an irregular frequency decays as 1 / |w - w0|.
 
     They are off the cubic through two samples on either side of what is taken out by `floor`, and by `deviations`
-    robust standard deviations of what is as wide nearby.
+    robust standard deviations of what is as wide nearby. At a distance d from a resonance with the damping rate a that
+    is 1 / (a + i d): one with a < `narrow` d is no body's or moonpool's that the samples tell.
     """
     for h in range(1, (omega.size - 4) // 2):
         centres = np.arange(max(spike - 3 * (h + 2), h + 2), min(spike + 3 * (h + 2), omega.size - h - 3) + 1)
         if spike not in centres:
             return
         edges, outside = (centres[:, None] + np.array(steps) for steps in ([-h, h], [-h - 2, -h - 1, h + 1, h + 2]))
-        off = np.stack([np.abs(K[edge] - np.einsum("kj,kj->k", lagrange(omega[outside], omega[edge]), K[outside]))
+        off = np.stack([K[edge] - np.einsum("kj,kj->k", lagrange(omega[outside], omega[edge]), K[outside])
                         for edge in edges.T], axis=1)
-        own = off[centres == spike][0]
-        own = np.where((own > floor) & (own > deviations * 1.4826 * np.median(off)), own, 0.0)
+        least, at = max(floor, deviations * 1.4826 * float(np.median(np.abs(off)))), off[centres == spike][0]
+        own = np.where((np.abs(at) > least) & (np.abs(at.real) < narrow * np.abs(at.imag)), np.abs(at), 0.0)
         if not own.any():
             return
         apart[[spike - h, spike + h]] = np.maximum(apart[[spike - h, spike + h]], own)

@@ -211,7 +211,7 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
         near = [(form, theta * (1.0 + spread * rng.normal(size=theta.size)))
                 for form, theta in starts for spread in (0.0, 0.1, 0.3)]
         near = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
-        starts = sorted([*starts, *near], key=lambda start: cost(*start))[:2]
+        starts = sorted([*near, *starts], key=lambda start: cost(*start))[:2]
     starts = [(form, _slowed(form, theta, problem)) for form, theta in starts]
     runs = [(form, theta, *finish(form, dense, theta)) for form, theta in starts]
     form, theta, found, status = min(runs, key=lambda run: min(cost(run[0], run[1]), cost(run[0], run[2])))

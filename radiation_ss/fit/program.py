@@ -223,12 +223,12 @@ def _rows(problem: Problem) -> np.ndarray:
 
 
 def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the poles' real parts over what is resolved, and how far each may move to the right."""
+    """Return the derivatives of the poles' real parts, and how far each may move to the right by what is resolved."""
     poles, slopes = port.poles(theta, lambda poles: np.ones(poles.size, dtype=bool))
-    limit, rising = problem.resolvable(poles)
+    limit, _ = problem.resolvable(poles)
     room = np.maximum(-limit - poles.real, 0.0)
     counts = room < limit
-    return np.where(counts[:, None], slopes.real + rising[:, None] * slopes.imag, 0.0), np.where(counts, room, 1.0)
+    return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
 
 
 @lru_cache(maxsize=32)
