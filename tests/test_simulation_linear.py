@@ -176,4 +176,5 @@ def test_the_last_samples_of_a_simulation_are_as_good_as_the_others(end):
     force = 100.0 * np.sin(4.0 * t) * np.minimum(t / 5.0, 1.0) ** 2
     theirs = ct.forced_response(model.to_ss(), t, force).outputs
     miss = np.abs(np.asarray(rss.simulate(model, (t, force[None])).outputs - theirs))
-    assert (miss[:, -20:].max(axis=1) < miss[:, 20:-20].max(axis=1)).all()
+    # A sine is off by the same in each period but for the phase of its samples; a force that stops, by ten times that.
+    assert (miss[:, -20:].max(axis=1) < 1.1 * miss[:, 20:-20].max(axis=1)).all()
