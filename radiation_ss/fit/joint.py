@@ -121,13 +121,13 @@ def _as_told(problem: Problem, order: int, exact: float = 1e-6) -> Problem:
     order = min(order, problem.x.size - 1)
     runs = sanathanan_koerner(problem.x, problem.K[:, 0], problem.weight[:, 0], order, zero=problem.zero)
     told = min(run[0] for run in runs) < exact * problem.norm
-    return replace(problem, resolved=0.0) if told else problem
+    return replace(problem, narrowest=0.0) if told else problem
 
 
 def _held(form: Port, theta: FloatArray, problem: Problem, near: float = 1.05) -> str:
     """Say at which frequencies resonances would be narrower than the data resolve, were they not held."""
     poles = np.asarray(np.linalg.eigvals(form.realise(theta)[0]), dtype=complex)
-    held = np.sort(poles.imag[(-poles.real < near * problem.resolvable(poles)[0]) & (poles.imag > 0.0)])
+    held = np.sort(poles.imag[(-poles.real < near * problem.narrowest) & (poles.imag > 0.0)])
     at = ", ".join(f"{x * problem.rate:.3g}" for x in held)
     return f"; at {at} rad/s as narrow a resonance as the frequencies there resolve" * bool(held.size)
 

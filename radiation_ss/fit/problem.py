@@ -31,9 +31,8 @@ class Problem:
     x_points: FloatArray
     K_points: ComplexArray
     zero: bool  # K(0) = 0
-    shown: FloatArray  # Frequencies whose samples are not doubted, over `rate`
-    spacing: float  # Of the frequencies, over `rate`
-    resolved: float  # Smallest damping rate (-Re of a pole) over the spacing
+    # Smallest damping rate (-Re of a pole) that the spacing of the frequencies can resolve, over `rate`
+    narrowest: float = 0.0
 
     @property
     def m(self) -> int:
@@ -50,20 +49,6 @@ class Problem:
         """Largest pole over `rate` that the band can tell from a feedthrough, which K does not have: ten times it."""
         return 10.0 * float(self.x[-1])
 
-    def resolvable(self, poles: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Return the smallest damping rate that the data resolve of poles, and its derivative by their imaginary parts.
-
-        Where the spacing is wider than usual, samples are doubted, or the band has ended, a resonance must be so wide
-        that a sample shows it: half its height twice as wide as that is far.
-        """
-        at = np.maximum(np.abs(poles.imag), self.shown[0])
-        right = np.clip(np.searchsorted(self.shown, at), 1, self.shown.size - 1)
-        below, above = at - self.shown[right - 1], self.shown[right] - at
-        gap = 2.0 * np.minimum(below, np.abs(above))
-        side = np.where((below < above) | (above < 0.0), 2.0, -2.0) * np.sign(poles.imag)
-        slope = np.where((gap > self.spacing) & (np.abs(poles.imag) > self.shown[0]), side, 0.0)
-        return np.maximum(self.resolved * np.maximum(gap, self.spacing), 1e-12), self.resolved * slope
-
     def without_points(self) -> "Problem":
         """Return the problem without frequency points and without a value of K(0)."""
         return replace(self, x_points=self.x_points[:0], K_points=self.K_points[:0])
@@ -79,7 +64,7 @@ class Problem:
         """Return the problem of every k-th sample: about `most` / m of them, `least` or more; it resolves less."""
         step = -(-self.x.size // max(least, most // self.m))
         return self if step == 1 else replace(self, x=self.x[::step], K=self.K[::step], weight=self.weight[::step],
-                                              spacing=step * self.spacing)
+                                              narrowest=step * self.narrowest)
 
     def misfit(self, K: ComplexArray) -> float:
         """Return the weighted sum of squares between the samples and K, upper triangles (nw, p)."""
@@ -168,13 +153,12 @@ def blocks_of(data: HydroData, coupled: float = 5e-3, strong: float = 0.2, recip
 
 
 def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | ArrayLike = "free",
-                  points: FloatArray | None = None, weight: FloatArray | None = None, resolved: float = 0.5,
-                  doubted: float = 0.0) -> Problem:
+                  points: FloatArray | None = None, weight: FloatArray | None = None, resolved: float = 0.5) -> Problem:
     """Return the scaled problem of the degrees of freedom at the positions of one block.
 
     `at_zero`: "free", "zero" or K(0) in SI. `points` (q,): where K, interpolated between the data, is to be met exactly
     [rad/s]. `resolved`: smallest damping rate of a resonance over the spacing of the frequencies: narrower ones would
-    be invented. `doubted`: weight up to which a sample tells of no resonance.
+    be invented.
     """
     square = np.ix_(block, block)
     i, j = np.triu_indices(len(block))
@@ -194,10 +178,8 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
     # The mean spacing of the frequencies, weighted by |K|^2: how finely the curve is sampled.
     power = np.sum(np.abs(samples / size) ** 2, axis=(1, 2))
     spacing = float(np.sum(np.gradient(data.omega) * power) / np.sum(power))
-    shown = (root**2 > doubted).any(axis=1) & np.ones(data.omega.size, dtype=bool)
-    shown |= shown.sum() < 2
-    return Problem(tuple(data.dofs[i] for i in block), data.omega / rate, K, weights, rate, scale, x_points, K_points,
-                   isinstance(at_zero, str) and at_zero == "zero", data.omega[shown] / rate, spacing / rate, resolved)
+    return Problem(tuple(data.dofs[i] for i in block), data.omega / rate, K, weights, rate, scale,
+                   x_points, K_points, isinstance(at_zero, str) and at_zero == "zero", resolved * spacing / rate)
 
 
 def _value_at_zero(value: float | ArrayLike, data: HydroData, square: Sequence[NDArray[np.intp]]) -> FloatArray:

@@ -59,15 +59,12 @@ def too_narrow(port: Port, problem: Problem, theta: FloatArray, cost: float = 0.
 
     An undamped resonance costs as much as a relative error of `cost` of one of the m motions.
     """
-    d1, d2, _, _, G, _ = port.parts(theta)
-    # No pole decays slower than all losses, and none is faster than G.
-    most = problem.resolvable(np.array([1j * np.linalg.norm(G)]))[0][0]
-    if min(part.min(initial=np.inf) for part in (d1, d2)) > most:
+    limit = max(problem.narrowest, 1e-12)
+    if min(part.min(initial=np.inf) for part in port.parts(theta)[:2]) > limit:  # no pole decays slower than all losses
         return np.zeros(0), np.zeros((0, port.size))
-    poles, slopes = port.poles(theta, lambda poles: poles.real > -problem.resolvable(poles)[0])
-    limit, rising = problem.resolvable(poles)
-    gain, share = cost * problem.norm / np.sqrt(problem.m) / limit[:, None], (poles.real / limit)[:, None]
-    return gain[:, 0] * (limit + poles.real), gain * (slopes.real - share * rising[:, None] * slopes.imag)
+    poles, slopes = port.poles(theta, lambda poles: poles.real > -limit)
+    gain = cost * problem.norm / np.sqrt(problem.m)
+    return gain * (1.0 + poles.real / limit), gain / limit * slopes.real
 
 
 def minimise(residual: Residual, theta: FloatArray, iterations: int = 300,
@@ -223,11 +220,10 @@ def _rows(problem: Problem) -> np.ndarray:
 
 
 def _resolved(port: Port, problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the poles' real parts, and how far each may move to the right by what is resolved."""
+    """Return the derivatives of the poles' real parts, and how far each pole may move to the right."""
     poles, slopes = port.poles(theta, lambda poles: np.ones(poles.size, dtype=bool))
-    limit, _ = problem.resolvable(poles)
-    room = np.maximum(-limit - poles.real, 0.0)
-    counts = room < limit
+    room = np.maximum(-problem.narrowest - poles.real, 0.0)
+    counts = room < problem.narrowest
     return np.where(counts[:, None], slopes.real, 0.0), np.where(counts, room, 1.0)
 
 

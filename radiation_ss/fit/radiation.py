@@ -106,8 +106,7 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     parts, orders, paths = [], [], []
     for block in blocks:
         options = Options(method, Search(passive, seed), notes)
-        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights,
-                                doubted=0.05 if weight is None else 0.0)
+        problem = block_problem(data, block, at_zero=at_zero, points=wanted, weight=weights)
         problem = _possible(problem, order, options)
         chosen, path = (int(order), ()) if order is not None else _choose(problem, options)
         parts.append(_fit(problem, chosen, options))
