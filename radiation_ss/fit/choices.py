@@ -226,8 +226,8 @@ def _add_flanks(apart: FloatArray, omega: FloatArray, K: ComplexArray, spike: in
     """Add to `apart` the samples next to a spike that belong to it: an irregular frequency decays as 1 / |w - w0|.
 
     They are off the cubic through two samples on either side of what is taken out by `floor`, and by `deviations`
-    robust standard deviations of what is as wide nearby. At a distance d from a resonance with the damping rate a that
-    is 1 / (a + i d): one with a < `narrow` d is no body's or moonpool's that the samples tell.
+    robust standard deviations of what is as wide nearby. At a distance d a resonance of damping rate a has the shape
+    1 / (a + i d). One with a > `narrow` d is resolved by the samples, as that of a moonpool may be, and is kept.
     """
     for h in range(1, (omega.size - 4) // 2):
         centres = np.arange(max(spike - 3 * (h + 2), h + 2), min(spike + 3 * (h + 2), omega.size - h - 3) + 1)
