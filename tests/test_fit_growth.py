@@ -294,3 +294,15 @@ def test_two_programs_runs_of_one_sphere_give_one_model(data, order, most):
     wamit = rss.read_hydro(data / "bem" / "formats" / "sphere.1", rho=1000.0).select("Heave")
     other = rss.read_hydro(data / "bem" / "formats" / "sphere_capytaine.nc").select("Heave").with_A_inf()
     assert rss.audit(rss.fit_radiation(wamit, order), other).relative_error < most
+
+
+@pytest.mark.parametrize("at_zero", ["zero", "free"])
+def test_no_resonance_is_invented_above_the_band(data, at_zero):
+    # Damping and added mass of an ellipsoid fall smoothly where the file ends: nothing resonates above.
+    arrays = np.load(data / "bem" / "bem_wecsim_ellipsoid.npz")
+    known = arrays["w"] > 0.0
+    body = rss.HydroData(arrays["w"][known], arrays["A"][known][:, 2:3, 2:3], arrays["B"][known][:, 2:3, 2:3],
+                         arrays["Ainf"][2:3, 2:3], dofs=("Heave",), rho=1.0)
+    fit = rss.fit_radiation(body, 8, at_zero=at_zero)
+    above = np.abs(fit.frequency_response(np.linspace(1.0, 10.0, 20000) * body.omega[-1]))
+    assert above.max() < np.abs(body.K).max() and fit.relative_error < 0.03

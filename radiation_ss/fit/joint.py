@@ -9,22 +9,21 @@
 4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.fit.port import Port, port_of
-from radiation_ss.fit.problem import Problem, check_size
+from radiation_ss.fit.port import Port, Start, beside, grown, port_of
+from radiation_ss.fit.problem import Problem, check_size, independent, symmetric_parts
 from radiation_ss.fit.program import finish, minimise, misfit_of, on_points, quasi_newton, too_narrow, toward_points
-from radiation_ss.fit.rational import connected, response_of
+from radiation_ss.fit.rational import frequency_response, response_of
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
 
-Start = tuple[Port, FloatArray]  # a form and its parameters
 Run = tuple[float, Port, FloatArray]  # cost, form and parameters of what was found
 Realised = tuple[FloatArray, FloatArray, str]  # A, B with C = B^T, and how it was solved
 
@@ -62,28 +61,40 @@ def order_of(problem: Problem, states: int) -> int:
     return -(-states // sum(independent(part) for part, _ in symmetric_parts(problem)))
 
 
-def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
-    """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`: the
-    eigenvectors of one combination of all samples lie in them.
+def _fit_part(problem: Problem, order: int, search: Search, worse: float = 1.5) -> Realised:
+    """Return the fit; of samples continued above the band where it has a resonance there and that costs little error.
+
+    At most a factor `worse` within the band: more is asked for by the data, whose A_inf may be off.
     """
-    samples = np.concatenate([problem.whole(problem.K), problem.whole(problem.K_points)])
-    share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
-    _, V = np.linalg.eigh(np.tensordot(share[0], samples.real, 1) + np.tensordot(share[1], samples.imag, 1))
-    coupled = np.abs(V.T @ samples @ V).max(axis=0)
-    floor = exact * float(coupled.max())
-    groups = [group for group in connected(coupled > floor) if coupled[np.ix_(group, group)].max() > floor]
-    if len(groups) == 1 and len(groups[0]) == problem.m:
-        return [(problem, np.eye(problem.m))]
-    return [(problem.along(V[:, group]), V[:, group]) for group in groups]
+    found = _fit_samples(problem, order, search)
+    at = _invented(problem, found)
+    if not at.size:
+        return found
+    other = _fit_samples(problem.continued(), order, replace(search, known={}))
+    error, new = (np.sqrt(problem.misfit(_upper(model, problem.x))) for model in (found, other))
+    where = f"a resonance at {', '.join(f'{x * problem.rate:.3g}' for x in at)} rad/s, above the band"
+    if new > worse * error:
+        return *found[:2], f"{found[2]}; the data ask for {where}: is A_inf theirs (data.check())?"
+    return *other[:2], f"{other[2]}; without {where}"
 
 
-def independent(problem: Problem, least: float = 0.1) -> int:
-    """Return how many combinations of motions have a K of `least` of the largest: of a sphere's surge and pitch one."""
-    sizes = np.linalg.svd(problem.whole(problem.K).reshape(-1, problem.m), compute_uv=False)
-    return int(np.sum(sizes > least * sizes[0]))
+def _upper(model: Realised, x: FloatArray) -> ComplexArray:
+    """Return the upper triangles (nx, p) of K at frequencies."""
+    a, b, _ = model
+    i, j = np.triu_indices(b.shape[1])
+    return frequency_response(a, b, b.T, x)[:, i, j]
 
 
-def _fit_part(problem: Problem, order: int, search: Search) -> Realised:
+def _invented(problem: Problem, found: Realised, light: float = 0.1, higher: float = 1.5) -> FloatArray:
+    """Return where lightly damped resonances above the band make K of a motion `higher` than it is within it."""
+    poles, own = np.linalg.eigvals(found[0]).astype(complex), np.equal(*np.triu_indices(problem.m))
+    x = np.sort(poles.imag[(poles.imag > problem.end) & (-poles.real < light * np.abs(poles))])
+    if not x.size or _as_told(problem, found[0].shape[0]).narrowest == 0.0:
+        return x[:0]
+    return x[(np.abs(_upper(found, x)) > higher * np.abs(problem.K).max(axis=0))[:, own].any(axis=1)]
+
+
+def _fit_samples(problem: Problem, order: int, search: Search) -> Realised:
     problem, motions = _as_told(problem, order), independent(problem)
     n2 = order * motions // 2
     form = Port(order * motions - n2, n2, problem.m, min(problem.m, n2) if problem.zero else 0)
@@ -167,7 +178,7 @@ def _grown_up(problem: Problem, orders: range, motions: int, search: Search, lar
 
 def _sized(problem: Problem, order: int, motions: int, search: Search, large: bool) -> Run:
     """Return the best model of one order: from its modes, from smaller orders, or what is known."""
-    rng, top = np.random.default_rng([search.seed, order]), float(problem.x[-1])
+    rng, top = np.random.default_rng([search.seed, order]), problem.end
     smaller = search.known.get(order - 1)
     if order in search.known:
         starts = [search.known[order][1:]]
@@ -273,42 +284,11 @@ def alone(problem: Problem, order: int, rng: np.random.Generator, tried: int, st
 
 def _rational(problem: Problem, order: int) -> Iterator[tuple[float, FloatArray, FloatArray]]:
     """Yield (misfit, den, num) of passive Q / P by Sanathanan-Koerner from two starts on all samples and each half."""
-    parts = [slice(None), slice(0, None, 2), slice(1, None, 2)][: 3 if problem.x.size > 4 * order else 1]
-    for part, first in product(parts, (None, spread(problem.x, order))):
+    near = np.flatnonzero(problem.x <= problem.end)
+    parts = [near, near[::2], near[1::2]][: 3 if near.size > 4 * order else 1]
+    for part, first in product(parts, (None, spread(problem.x[near], order))):
         runs = sanathanan_koerner(problem.x[part], problem.K[part, 0], problem.weight[part, 0], order,
                                   zero=problem.zero, first=first)
         for _, den, num in (runs[2], min(runs, key=lambda run: run[0])):
             passive = passive_numerator(den, num, problem.zero)
             yield problem.misfit(response_of(den, passive, problem.x)[:, None]), den, passive
-
-
-def beside(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]], zero: bool) -> Start:
-    """Return models (roots of D1, roots of D2, G, B1) side by side; `zero`: with the states that hold K(0) = 0."""
-    e1, e2, W = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 3))
-    G = block_diag(*[part[2] for part in parts])
-    lossless = min(W.shape[1], *G.shape) if zero else 0
-    if lossless:
-        rising = np.argsort(e2, kind="stable")
-        e2, G = e2[rising], G[:, rising]
-        W = np.linalg.lstsq(G[:, :lossless], W, rcond=1e-6)[0]
-    form = Port(G.shape[0], G.shape[1], W.shape[1], lossless)
-    return form, form.pack(e1, e2, G, W)
-
-
-def grown(smaller: Start, more: int, top: float, rng: np.random.Generator, loose: float, second: bool = False) -> Start:
-    """Return a model with `more` states more, resonances up to `top` coupled to the smaller one by `loose`.
-
-    An odd state goes into the first half, or into the `second`.
-    """
-    small, theta = smaller
-    e1, e2, G, W = small.unpack(theta)
-    n1 = min(small.n1 + more, max(small.n1, (small.states + more + 1 - second) // 2))
-    n2 = small.states + more - n1
-    H = loose * top * rng.normal(size=(n1, n2))
-    H[:small.n1, :small.n2] = G
-    for k in range(min(n1 - small.n1, n2 - small.n2)):
-        H[small.n1 + k, small.n2 + k] = top * np.exp(rng.uniform(np.log(0.08), np.log(0.9)))
-    V = loose * rng.normal(size=(small.lossless or n1, small.m))
-    V[:W.shape[0]] = W
-    form = replace(small, n1=n1, n2=n2)
-    return form, form.pack(np.r_[e1, np.full(n1 - small.n1, 0.5)], np.r_[e2, np.full(n2 - small.n2, 0.5)], H, V)

@@ -9,13 +9,13 @@ changes of the two halves of the state make D1 and D2 diagonal. K(0) = 0 holds e
 second half have no loss and B1 = G1 W with G1 the first p columns of G: at rest these states alone balance the input.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import block_diag, solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import observer_form
@@ -186,6 +186,9 @@ class Port:
                                   np.zeros((values.size, W.size))])
 
 
+Start = tuple[Port, FloatArray]  # a form and its parameters
+
+
 def port_of(den: FloatArray, num: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return (roots of D1, roots of D2, G, B1) of a passive Q / P, both halves in the order of rising loss.
 
@@ -221,3 +224,35 @@ def _roots(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(_even(matrix))
     root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
     return (vectors * root) @ vectors.T, (vectors / root) @ vectors.T
+
+
+def beside(parts: Sequence[tuple[FloatArray, FloatArray, FloatArray, FloatArray]], zero: bool) -> Start:
+    """Return models (roots of D1, roots of D2, G, B1) side by side; `zero`: with the states that hold K(0) = 0."""
+    e1, e2, W = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 3))
+    G = block_diag(*[part[2] for part in parts])
+    lossless = min(W.shape[1], *G.shape) if zero else 0
+    if lossless:
+        rising = np.argsort(e2, kind="stable")
+        e2, G = e2[rising], G[:, rising]
+        W = np.linalg.lstsq(G[:, :lossless], W, rcond=1e-6)[0]
+    form = Port(G.shape[0], G.shape[1], W.shape[1], lossless)
+    return form, form.pack(e1, e2, G, W)
+
+
+def grown(smaller: Start, more: int, top: float, rng: np.random.Generator, loose: float, second: bool = False) -> Start:
+    """Return a model with `more` states more, resonances up to `top` coupled to the smaller one by `loose`.
+
+    An odd state goes into the first half, or into the `second`.
+    """
+    small, theta = smaller
+    e1, e2, G, W = small.unpack(theta)
+    n1 = min(small.n1 + more, max(small.n1, (small.states + more + 1 - second) // 2))
+    n2 = small.states + more - n1
+    H = loose * top * rng.normal(size=(n1, n2))
+    H[:small.n1, :small.n2] = G
+    for k in range(min(n1 - small.n1, n2 - small.n2)):
+        H[small.n1 + k, small.n2 + k] = top * np.exp(rng.uniform(np.log(0.08), np.log(0.9)))
+    V = loose * rng.normal(size=(small.lossless or n1, small.m))
+    V[:W.shape[0]] = W
+    form = replace(small, n1=n1, n2=n2)
+    return form, form.pack(np.r_[e1, np.full(n1 - small.n1, 0.5)], np.r_[e2, np.full(n2 - small.n2, 0.5)], H, V)

@@ -45,9 +45,14 @@ class Problem:
         return float(np.linalg.norm(self.weight * self.K))
 
     @property
+    def end(self) -> float:
+        """Highest frequency of the data over `rate`."""
+        return 2.0
+
+    @property
     def fastest(self) -> float:
         """Largest pole over `rate` that the band can tell from a feedthrough, which K does not have: ten times it."""
-        return 10.0 * float(self.x[-1])
+        return 10.0 * self.end
 
     def without_points(self) -> "Problem":
         """Return the problem without frequency points and without a value of K(0)."""
@@ -59,6 +64,20 @@ class Problem:
         full = np.empty((upper.shape[0], self.m, self.m), dtype=upper.dtype)
         full[:, i, j] = full[:, j, i] = upper
         return full
+
+    def continued(self, growth: float = 0.2) -> "Problem":
+        """Return the problem with what is expected above the band, up to ten times it: together as one more sample.
+
+        K falls there as 1 / frequency, as it does where the kernel starts with a step. The samples' distance grows.
+        """
+        first = float(np.diff(self.x).mean())
+        x = [self.end + first]
+        while x[-1] < self.fastest:
+            x.append(x[-1] + first + growth * (x[-1] - self.end))
+        at = np.array(x)
+        K = self.K[-1] * (self.x[-1] / at[:, None])
+        weight = np.broadcast_to(self.weight.max(axis=0) / np.sqrt(at.size), K.shape)
+        return replace(self, x=np.r_[self.x, at], K=np.vstack([self.K, K]), weight=np.vstack([self.weight, weight]))
 
     def thinned(self, most: int = 200, least: int = 60) -> "Problem":
         """Return the problem of every k-th sample: about `most` / m of them, `least` or more; it resolves less."""
@@ -78,6 +97,27 @@ class Problem:
         weight = np.sqrt(np.mean(self.weight[:, np.equal(*np.triu_indices(self.m))] ** 2, axis=1, keepdims=True))
         return replace(self, dofs=names, K=K, K_points=K_points, scale=np.ones(V.shape[1]),
                        weight=weight * np.where(i == j, 1.0, np.sqrt(2.0)))
+
+
+def symmetric_parts(problem: Problem, exact: float = 1e-6) -> list[tuple[Problem, FloatArray]]:
+    """Return the parts, each with its orthonormal motions V (m, k), between which V^T K V is zero within `exact`: the
+    eigenvectors of one combination of all samples lie in them.
+    """
+    samples = np.concatenate([problem.whole(problem.K), problem.whole(problem.K_points)])
+    share = np.random.default_rng(0).uniform(0.5, 1.5, (2, samples.shape[0]))
+    _, V = np.linalg.eigh(np.tensordot(share[0], samples.real, 1) + np.tensordot(share[1], samples.imag, 1))
+    coupled = np.abs(V.T @ samples @ V).max(axis=0)
+    floor = exact * float(coupled.max())
+    groups = [group for group in connected(coupled > floor) if coupled[np.ix_(group, group)].max() > floor]
+    if len(groups) == 1 and len(groups[0]) == problem.m:
+        return [(problem, np.eye(problem.m))]
+    return [(problem.along(V[:, group]), V[:, group]) for group in groups]
+
+
+def independent(problem: Problem, least: float = 0.1) -> int:
+    """Return how many combinations of motions have a K of `least` of the largest: of a sphere's surge and pitch one."""
+    sizes = np.linalg.svd(problem.whole(problem.K).reshape(-1, problem.m), compute_uv=False)
+    return int(np.sum(sizes > least * sizes[0]))
 
 
 def interpolated(x: FloatArray, K: ComplexArray, at: FloatArray, i: NDArray, j: NDArray) -> ComplexArray:
