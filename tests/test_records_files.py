@@ -367,6 +367,19 @@ def test_the_unit_that_a_header_states_is_converted_and_said(tmp_path, cell, cha
     assert said.startswith("time from ms") and (f"{channel} from " in said) == (one != 1.0)
 
 
+@pytest.mark.parametrize("header, ignore, left", [
+    ("Probe 3,Heave", "probe_3", ["Heave"]), ("Probe 3,Heave", "Probe 3", ["Heave"]), ("P,Heave", "p", ["Heave"]),
+    ("Sway acc,Heave", "sway_acc", ["Heave"]), ("Heave,Roll", "wave", ["Heave", "Roll"]),
+    ("Probe,probe,Heave", "probe", None)])       # one is named: the other is not left out with it
+def test_a_column_to_leave_out_is_named_as_channels_are(tmp_path, header, ignore, left):
+    path = written(tmp_path, f"time,{header}\n" + "".join(f"{k}{f',{k}' * (header.count(',') + 1)}\n" for k in range(3)))
+    if left is None:
+        with pytest.raises(InputError, match="column 2 'Probe'"):
+            rss.read_record(path, ignore=(ignore,))
+    else:
+        assert list(rss.read_record(path, ignore=(ignore,)).channels) == left
+
+
 def test_degrees_are_converted_once(tmp_path):
     path = written(tmp_path, "time,pitch [deg]\n0,1\n1,2\n")
     for degrees in ((), "Pitch", ("pitch",)):
