@@ -195,7 +195,7 @@ def names_channel(cell: str, choice: ColumnChoice) -> bool:
 
 
 def _left_out(header: Sequence[str], choice: ColumnChoice) -> set[int]:
-    """Return the places of the columns to leave out: as they are named, else in any case, with blanks or underscores."""
+    """Return the places of columns to leave out: as they are named, else in any case, with blanks or underscores."""
     cells = [(text := name_and_unit(cell)[0], spelled(text) or text, cell.strip()) for cell in header]
     found = set[int]()
     for name in choice.ignore:
@@ -264,9 +264,12 @@ def own_text(own: Mapping[str, str]) -> str:
 
 
 def missing_or_number(text: str) -> float | None:
-    """Return the cell as a number, NaN if it is empty, None if it is neither, or one as Python alone spells them."""
+    """Return the cell as a number, NaN if it is empty or #N/A (in German #NV), which Excel writes.
+
+    None if it is neither, or one as Python alone spells them.
+    """
     text = text.strip()
-    if text == "":
+    if text in ("", "#N/A", "#NV"):
         return float("nan")
     try:
         value = float(text) if text.isascii() and "_" not in text else None
