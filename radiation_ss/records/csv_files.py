@@ -103,7 +103,7 @@ def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
 
 def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[int, str]:
     """Return number and text of the header, and take up the comments above it."""
-    lines = dict[str, int]()
+    lines, stated = dict[str, int](), ""
     for line, row in enumerate(rows, start=1):
         if row.lstrip().startswith("#"):
             key, value = comment_of(row) or ("", "")
@@ -118,7 +118,12 @@ def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[in
         elif "\0" in row:
             raise InputError(f"{where}, line {line}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 "
                              "as `CSV UTF-8`")
-        elif row.strip(",; \t") and not (line == 1 and re.match(r"sep=[,;\t]", row)):  # which Excel writes
+        elif line == 1 and re.match(r"sep=[,;\t]", row):  # which Excel writes
+            stated = row[4]
+        elif row.strip(",; \t"):
+            if stated not in row:
+                raise InputError(f"{where}, line 1: 'sep={stated}', but the header, line {line}, holds none: "
+                                 f"{row[:80]!r}")
             return line, row
     raise InputError(f"{where}: no header and no samples")
 
