@@ -203,6 +203,10 @@ def test_plots_are_drawn(fit):
     plt.close(figure)
     with pytest.raises(InputError, match="without its data"):
         fit.replace(data=None).plot()
+    for entries in (fit.data, "Heave", ["Heave"], [("Heave", 1)]):
+        with pytest.raises(InputError, match=rf"plot: entries: pairs of names .*; found {type(entries).__name__} "):
+            fit.plot(entries)
+    assert len(fit.plot([("Heave", "Pitch")]).axes) == 4
 
 
 def hydrodyn_force(path, omega):

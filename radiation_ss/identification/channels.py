@@ -224,8 +224,8 @@ def between_gaps(model: Model, record: Record) -> tuple[list[Record], list[str]]
         except InputError as error:
             short.append(error)
     if not kept:
-        raise short[0] if not said else InputError(f"record {record.name}: its force or elevation has gaps, and no part "
-                                                   f"between them is long enough ({short[0]})")
+        raise short[0] if not said else InputError(f"record {record.name}: its force or elevation has gaps, and no "
+                                                   f"part between them is long enough ({short[0]})")
     said += [f"{error}; that part is left out" for error in short]
     if (longest := max(map(gap, kept))) > few and record.kind != "decay":
         said.append(f"record {record.name}: gaps of the force or the elevation, of {longest:.3g} s at most, are filled")
