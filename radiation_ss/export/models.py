@@ -204,8 +204,11 @@ def read_bemio(path: Path) -> RadiationFit:
 
 def _joined(dofs: Sequence[str], parts: Parts, name: str) -> RadiationFit:
     """Return the model of one subsystem for each entry."""
-    a, b, c = _by_modes(parts, len(dofs)) or side_by_side(
-        list(parts.values()), [[i] for i, _ in parts], [[j] for _, j in parts], len(dofs))
+    joint = _by_modes(parts, len(dofs))
+    if joint is None:
+        within(name, 8 * sum(part[0].shape[0] for part in parts.values()) ** 2)
+        joint = side_by_side(list(parts.values()), [[i] for i, _ in parts], [[j] for _, j in parts], len(dofs))
+    a, b, c = joint
     return RadiationFit(tuple(dofs), a, b, c, order=max(part[0].shape[0] for part in parts.values()),
                         method=f"read from {name}")
 
