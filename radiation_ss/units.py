@@ -16,11 +16,13 @@ UNITS = {"s": TIME, "m": LENGTH, "rad": ANGLE, "N": FORCE,
 UNITS |= {f"{si}{rate}": {f"{unit}{rate}": factor for unit, factor in UNITS[si].items()}
           for si in ("m", "rad") for rate in ("/s", "/s^2")}
 UNITS["m/s^2"]["g"] = GRAVITY
-DENSITY = {"t/m^3": 1e3, "kN/m^3": 1e3 / GRAVITY, "slug/ft^3": 515.378818, "lb/ft^3": 16.018463}
 KNOT = 1852.0 / 3600.0  # m/s
+UNITS["m/s"]["kn"] = KNOT
+DENSITY = {"t/m^3": 1e3, "kN/m^3": 1e3 / GRAVITY, "slug/ft^3": 515.378818, "lb/ft^3": 16.018463}
 _SPOKEN = {"sec": "s", "second": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "day": "d", "days": "d",
            "°": "deg", "º": "deg", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "radian": "rad",
-           "radians": "rad", "meter": "m", "meters": "m", "metre": "m", "metres": "m"}
+           "radians": "rad", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "kt": "kn", "kts": "kn",
+           "knot": "kn", "knots": "kn"}
 _WORD = re.compile(r"[^\W\d_]+|°")
 _PER_TIME = re.compile(r"\s*(?:/\s*s\s*/\s*s|/\s*s\s*\^?\s*2|[*·.]?\s*\bs\s*\^?-2)$")
 _PER_SECOND = re.compile(r"\s*(?:/\s*s|[*·.]?\s*\bs\s*\^?-1)$")
@@ -41,16 +43,22 @@ def plain_unit(text: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of anything that a record holds."""
-    return any(plain_unit(text) in units for units in UNITS.values())
+    return any(in_si(text, si) for si in UNITS)
 
 
 def in_si(text: str, si: str) -> float | None:
     """Return what one of a unit is in the SI unit `si`; None if it is none of the same quantity.
 
-    >>> in_si("kNm", "N m"), in_si("mm", "rad")
-    (1000.0, None)
+    All in capitals it is the one unit that it can be, `MM`; `MN` is MN, and `MN M` may be two.
+
+    >>> in_si("kNm", "N m"), in_si("mm", "rad"), in_si("MM", "m"), in_si("Mm", "m")
+    (1000.0, None, 0.001, None)
     """
-    return UNITS[si].get(plain_unit(text))
+    units, plain = UNITS[si], plain_unit(text)
+    if plain not in units and text.isupper():
+        alike = [unit for unit in units if unit.lower() == plain_unit(text.lower()).lower()]
+        plain = alike[0] if len(alike) == 1 else plain
+    return units.get(plain)
 
 
 def understood(si: str) -> str:

@@ -170,6 +170,8 @@ DRESSES = {     # the same numbers
     "tabs": edited(lambda t: t.replace(",", "\t")),
     "tabs and decimal commas": edited(lambda t: t.replace(",", "\t").replace(".", ",")),
     "a symbolic link": made("link"),
+    "UTF-16": edited(str, encode=lambda t: t.encode("utf-16")),
+    "#N/A of a spreadsheet": rows(lambda t: put(t, 5, 1, "#N/A")),
 }
 RECORDS = {
     "a column twice": rows(lambda t: [[*row, row[1]] for row in t]),
@@ -187,13 +189,13 @@ RECORDS = {
     "a unit of another quantity": rows(lambda t: put(t, 0, 1, "Heave [rad]")),
     "a row of units under the header": rows(lambda t: [t[0], ["s", "m", "N"], *t[1:]]),
     "a title above the header": edited(lambda t: "Test 3 of the barge\n" + t),
-    "the line sep=; above the header": edited(lambda t: "sep=;\n" + t),
+    "another separator than sep=; says": edited(lambda t: "sep=;\n" + t),
     "decimal commas between commas": rows(lambda t: [t[0], *([c.replace(".", ",") for c in row] for row in t[1:])]),
     "blanks as separators": edited(lambda t: t.replace(",", "  ")),
     "thousands separators": rows(lambda t: put(t, 5, 2, '"1,234.5"')),
     "a typographic minus": rows(lambda t: put(t, 5, 2, "\u22121.5")),
     "a Fortran exponent": rows(lambda t: put(t, 5, 2, "1.0D-02")), "a percent sign": rows(lambda t: put(t, 5, 1, "2%")),
-    "#N/A of a spreadsheet": rows(lambda t: put(t, 5, 1, "#N/A")), "#VALUE!": rows(lambda t: put(t, 5, 2, "#VALUE!")),
+    "#VALUE!": rows(lambda t: put(t, 5, 2, "#VALUE!")),
     "a cell more": rows(lambda t: [*t[:5], [*t[5], "1"], *t[6:]]),
     "a cell less": rows(lambda t: [*t[:5], t[5][:-1], *t[6:]]),
     "a comma at each end of line": rows(lambda t: [t[0], *([*row, ""] for row in t[1:])]),
@@ -204,7 +206,6 @@ RECORDS = {
     "NUL bytes": edited(lambda t: t + "\0" * 99),
     "no header": rows(lambda t: t[1:]), "time alone": rows(lambda t: [row[:1] for row in t]),
     "one sample": rows(lambda t: t[:2]),
-    "UTF-16": edited(str, encode=lambda t: t.encode("utf-16")),
     "UTF-16 without its mark": edited(str, encode=lambda t: t.encode("utf-16-le")),
     "UTF-32": edited(str, encode=lambda t: t.encode("utf-32")),
     "Latin-1": edited(lambda t: "# name: größe\n" + t, encode=lambda t: t.encode("latin-1")),
@@ -277,6 +278,7 @@ WORDS = {
                     ("damping-ratio", "-0.1"), ("damping-ratio", "5"), ("damping-ratio", "nan"))},
 }
 EITHER = {      # what is right is not for this test to say; a traceback never is
+    "#N/A of a spreadsheet": rows(lambda t: put(t, 5, 1, "#N/A")),      # an empty cell
     "two samples": rows(lambda t: t[:3]), "three samples": rows(lambda t: t[:4]),
     "diagnose all absent": words(*DIAGNOSE, "--absent", "linear_damping"),
     "identify with a tiny prior": words(*IDENTIFY, "--prior=1e-300"),

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -160,12 +162,12 @@ def test_one_line_each_for_notes_warnings_and_failures(folder, tmp_path, capsys,
     text = (folder / "decay.csv").read_text()
     lines = text.splitlines()
     head = next(i for i, line in enumerate(lines) if line.startswith("time"))
-    extra = [*lines[:head], lines[head] + ",probe,Heave_velocity", *(line + ",1,0" for line in lines[head + 1:])]
+    extra = [*lines[:head], lines[head] + ",Probe 3,Heave_velocity", *(line + ",1,0" for line in lines[head + 1:])]
     (tmp_path / "dead.csv").write_text("\n".join(extra))
     words = ["simulate", folder / "tank.nc", tmp_path / "dead.csv", "--order", 3, "--out", tmp_path / "p.csv"]
     assert run(*words) == 2
-    assert "--ignore probe" in capsys.readouterr().err
-    assert run(*words, "--ignore", "probe") == 0
+    hint = re.search(r"or (--ignore .*?)\)$", capsys.readouterr().err.strip())[1]
+    assert run(*words, *shlex.split(hint)) == 0     # as it is typed
     shown = capsys.readouterr().err.splitlines()
     assert len(shown) == 1 and shown[0].startswith("radiation-ss: warning: ") and "dead channel" in shown[0]
 

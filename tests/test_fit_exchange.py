@@ -203,6 +203,10 @@ def test_plots_are_drawn(fit):
     plt.close(figure)
     with pytest.raises(InputError, match="without its data"):
         fit.replace(data=None).plot()
+    for entries in (fit.data, "Heave", ["Heave"], [("Heave", 1)]):
+        with pytest.raises(InputError, match=rf"plot: entries: pairs of names .*; found {type(entries).__name__} "):
+            fit.plot(entries)
+    assert len(fit.plot([("Heave", "Pitch")]).axes) == 4
 
 
 def hydrodyn_force(path, omega):
@@ -260,6 +264,31 @@ def test_written_bemio_model_is_the_radiation_of_wecsim(fit, tmp_path):
     K = wecsim_radiation(fit.write(tmp_path / "model.h5"), OMEGA, fit.data.rho)
     assert_allclose(K[:, [[2], [4]], [2, 4]], fit.data.K, rtol=1e-9, atol=1e-9 * np.abs(fit.data.K).max())
     assert not np.delete(np.delete(K, [2, 4], axis=1), [2, 4], axis=2).any()
+
+
+def test_an_array_of_bodies_is_a_small_bemio_file_and_is_read_back_with_its_own_states(tmp_path):
+    """The form has a subsystem for each two of 72 motions; written in full these are 96 MB."""
+    rng, count, modes = np.random.default_rng(4), 12, 24
+    w, z = rng.uniform(0.3, 3.0, modes), rng.uniform(0.05, 0.7, modes)
+    shape = rng.normal(size=(modes, count)) * 10.0 ** rng.uniform(-3.0, 3.0, count)
+    b, c = np.kron(shape, [[0.0], [1.0]]), np.kron(shape.T, [[0.0, 1.0]])
+    b, c = np.r_[b, shape[:2]], np.c_[c, shape[:2].T]       # and two real poles
+    a = block_diag(*([[0.0, 1.0], [-p * p, -2.0 * q * p]] for p, q in zip(w, z)), -0.7, -1.9)
+    turn = np.linalg.qr(rng.normal(size=a.shape))[0]
+    dofs = tuple(f"b{k}__Heave" for k in range(count))
+    fit = rss.RadiationFit(dofs, turn.T @ a @ turn, turn.T @ b, c @ turn, order=4)
+    path = fit.write(tmp_path / "array.h5")
+    found, K = read_fit(path), fit.frequency_response(OMEGA)
+    assert path.stat().st_size < 3e6 and found.states == fit.states and found.dofs == fit.dofs
+    size = np.sqrt(np.abs(np.einsum("wii->wi", K)).max(axis=0))
+    assert_allclose(found.frequency_response(OMEGA) / np.outer(size, size), K / np.outer(size, size), atol=1e-12)
+    with h5py.File(path, "r+") as file:     # a few bytes that state what no memory holds
+        group = file["body1/hydro_coeffs/radiation_damping/state_space"]
+        del group["A/all"]
+        group.create_dataset("A/all", (6, 72, 9000, 9000), "f8", chunks=(1, 1, 9000, 9000))
+        group["it"][0, :40] = 9000
+    with pytest.raises(InputError, match=r"array\.h5: unpacks to \d{11} bytes"):
+        read_fit(path)
 
 
 def test_an_entry_of_a_bemio_file_has_only_the_poles_that_it_shows(tmp_path):

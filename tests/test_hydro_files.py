@@ -1,5 +1,8 @@
 """Reading and writing coefficients: every format against an independent statement of the same numbers."""
 
+import gzip
+from pathlib import Path
+
 import h5py
 import hydro_samples as samples
 import numpy as np
@@ -372,6 +375,26 @@ def test_wamit_files_give_back_the_dimensional_coefficients(tmp_path, bodies):
     assert np.isnan(got.reference_point).all()
     for suffix in (".3", ".hst"):
         assert_close(rss.read_hydro(path.with_suffix(suffix), rho=1025.0, g=data.g, length=2.0), data, ("A", "X", "C"))
+
+
+@pytest.mark.parametrize("packed", [(".1", ".3", ".hst"), (".3",), (".1",)])
+def test_gzipped_files_of_a_run_are_read_with_the_plain_ones(tmp_path, packed):
+    data, path = samples.body_data(("",)), samples.wamit(samples.body_data(("",)), tmp_path, length=2.0)
+    for suffix in packed:
+        plain = path.with_suffix(suffix)
+        Path(f"{plain}.gz").write_bytes(gzip.compress(plain.read_bytes()))
+        plain.unlink()
+    asked = Path(f"{path}.gz") if ".1" in packed else path
+    assert_close(rss.read_hydro(asked, rho=1025.0, g=data.g, length=2.0), data, ("A", "B", "X", "C"))
+    asked.write_bytes(gzip.compress(b"1.0 1 1 2.0 3.0\n" * 99)[:-9])
+    with pytest.raises(rss.InputError, match=rf"{asked.name}: cannot be read \(Compressed file ended"):
+        rss.read_hydro(asked, format="wamit")
+
+
+def test_a_gzipped_file_of_numbers_is_to_be_unpacked(tmp_path):
+    (tmp_path / "run.nc.gz").write_bytes(gzip.compress(b"CDF"))
+    with pytest.raises(rss.InputError, match=r"run\.nc\.gz: gzipped.*`gunzip`"):
+        rss.read_hydro(tmp_path / "run.nc.gz")
 
 
 @pytest.mark.parametrize("bodies, depth", [(("",), 35.0), (("body1", "body2"), np.inf)])

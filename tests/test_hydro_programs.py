@@ -354,11 +354,10 @@ def test_periods_stay_periods(data, name):
     assert not any("taken as" in note for note in rss.read_hydro(data / "bem" / "formats" / name, rho=1025.0).notes)
 
 
-def test_aqwa_file_of_two_structures(data, tmp_path):
+def test_aqwa_file_of_two_structures(data):
     """WEC-Sim's RM3: the numbers of the text itself, and the damping of the float in heave by another program."""
     text = gzip.decompress((data / "bem" / "formats" / "rm3_two_bodies.AH1.gz").read_bytes()).decode()
-    (tmp_path / "rm3.AH1").write_text(text)
-    got = rss.read_hydro(tmp_path / "rm3.AH1")
+    got = rss.read_hydro(data / "bem" / "formats" / "rm3_two_bodies.AH1.gz")
     assert got.n == 12 and got.dofs[8] == "body2__Heave" and got.depth == 49.5
     lines = text[text.index("\nADDEDMASS\n"):].splitlines()
     first = next(k for k, line in enumerate(lines) if line.split()[:3] == ["1", "2", "7"])

@@ -118,6 +118,14 @@ def test_added_mass_and_damping_of_different_bodies_are_no_pair():
     assert found.problem and found.value > 0.1
 
 
+@pytest.mark.parametrize("factor, hertz", [(1.0 / (2.0 * np.pi), True), (1.5 / (2.0 * np.pi), False), (6.0, False)])
+def test_frequencies_in_hertz_are_told(factor, hertz):
+    """A - A_inf goes as B / omega: the pair holds at one scale of the frequencies only."""
+    exact = passive()
+    found = the(HydroData(factor * OMEGA, exact.A, exact.B, A_INF, dofs=exact.dofs).check(), "Kramers-Kronig")
+    assert found.problem and ("in Hz" in found.message) == hertz
+
+
 def test_wrong_and_missing_A_inf():
     scale = np.abs(passive().A - A_INF).max(axis=0)
     wrong = A_INF + np.diag([0.3 * scale[0, 0], 0.0])

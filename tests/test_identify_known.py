@@ -319,6 +319,21 @@ def test_options_that_are_no_such_numbers_are_told_in_one_sentence(options, need
     assert repr(value) in text
 
 
+@pytest.mark.parametrize("where, words", [
+    ([(9.0, 11.0)], ["not measured from 9 to 11 s", "2 parts"]), ([(-1.0, 0.5), (19.0, 21.0)], ["from 0 to 0.5"]),
+    ([(6.0, 6.2), (12.0, 12.3)], ["gaps of the force", "are filled"])])
+def test_gaps_of_a_known_force_are_filled_or_part_the_record(twenty_seconds, where, words):
+    """K is that of the whole record, within what it is known by; the true force in the gaps is not looked at."""
+    record, whole = twenty_seconds
+    force = np.array(record.channels["Heave_force"])
+    for start, end in where:
+        force[(record.time > start) & (record.time < end)] = np.nan
+    found = identify(tank(), record.with_channels(Heave_force=force), "prediction-error", omega=BAND, draws=100)
+    assert all(any(word in text for text in found.warnings) for word in words), found.warnings
+    off = (found.B.mean - whole.B.mean)[:, 0, 0] / (whole.B.upper - whole.B.lower)[:, 0, 0]
+    assert np.abs(off).max() < 0.5
+
+
 def test_a_tolerance_may_be_any_real_number():
     record, _ = sail(tank(), 10.0, np.random.default_rng(0))
     found = [identify(tank(), record, "prediction-error", omega=[7.0], draws=20, tolerance=number(0.03)).B.mean
@@ -330,7 +345,8 @@ def test_a_tolerance_may_be_any_real_number():
     ({"Heave": np.ones(400), "Heave_force": np.zeros(400)}, "constant"),
     ({"Sway": np.arange(400.0)}, "no motion of Heave"),
     ({"Heave": np.sin(np.arange(400))}, "force is not known"),
-    ({"Heave": np.sin(np.arange(400)), "Heave_force": np.r_[np.ones(99), [np.nan] * 9, np.ones(292)]}, "missing from")])
+    ({"Heave": np.sin(np.arange(400)), "Heave_force": np.where(np.arange(400) % 25 < 9, np.nan, np.arange(400.0))},
+     "has gaps, and no part between them is long enough")])
 def test_bad_records_are_named(channels, message):
     with pytest.raises(InputError, match=message):
         identify(tank(), Record(0.05 * np.arange(400), channels), "prediction-error")

@@ -108,15 +108,19 @@ GOOD = "time [s],Heave [m]\n0,1\n0.1,2\n"
 
 @pytest.mark.parametrize("text, words", [
     ("time [s],Heave [furlong]\n0,1\n", ["line 1", "column 2", "unit [furlong]", "Heave may be in m, cm, mm, ft, in"]),
-    ("time [S],Heave [m]\n0,1\n", ["column 1", "[S]", "time may be in s, ms, us, min, h, d"]),
+    ("time [Ms],Heave [m]\n0,1\n", ["column 1", "[Ms]", "time may be in s, ms, us, min, h, d"]),
     ("time [s],Roll (mm)\n0,1\n", ["[mm]", "Roll may be in rad, mrad, deg"]),
     ("time [s],Heave_force [kg]\n0,1\n", ["[kg]", "N, mN, kN"]),     # a mass
-    ("time [s],Heave_force [KN]\n0,1\n", ["[KN]", "N, mN, kN"]),
+    ("time [s],Heave_force [kn]\n0,1\n", ["[kn]", "N, mN, kN"]),     # a speed
+    ("time [s],Roll_force [MN M]\n0,1\n", ["[MN M]", "mN"]),
     ("time [s],Roll_force [kN]\n0,1\n", ["[kN]", "kN", "times m, cm"]),
     ("time [s],Heave moment [N m]\n0,1\n", ["'Heave moment'", "not one of"]),
     ("time [s],hieve [m]\n0,1\n", ["'hieve'", "not one of", "did you mean 'Heave'"]),
     ("time Heave\n0 1\n", ["line 1", "'time Heave'", "a comma, a semicolon or a tab"]),
-    ("time [s],Heave [m],\n0,1,\n", ["column 3", "ends without a separator"]),
+    ("time [s],,Heave [m]\n0,1,\n", ["column 2", "ends without a separator"]),
+    ("time [s],Heave [m],\n0,1,\n0.1,2,5\n", ["line 3", "3 cells, but the header has 2"]),
+    ("time [s],Heave [m],\n0,1,\n0.1,\n", ["line 3", "1 cells, but the header has 2"]),
+    ("Heave [m],time [s]\n1,0\n#N/A,0.1\n2,#NV\n", ["line 4", "no time"]),
     ("t\0i\0m\0e\0,\0H\0e\0a\0v\0e\0\n\0", ["line 1", "UTF-16", "CSV UTF-8"]),
     ("time,Heave\n2024-05-01 10:20:00,1\n", ["line 2", "column 'time'", "time of day; seconds from the first sample"]),
     ("time [s],Heave [m],probe [m]\n0,1,1\n", ["column 3", "'probe'", "ignore="]),
@@ -168,7 +172,7 @@ def test_files_that_are_none_or_no_text(tmp_path):
     (tmp_path / "latin.csv").write_bytes(gzip.compress(b"time"))
     with pytest.raises(InputError, match="CSV text"):
         rss.read_record(tmp_path / "latin.csv")
-    (tmp_path / "windows.csv").write_bytes("Time (s),Pitch (°)\n0,1\n".encode("cp1252"))
+    (tmp_path / "windows.csv").write_bytes("Time (s),Pitch (°)\n0,1\n".encode("cp1252") + bytes([0x81]))
     with pytest.raises(InputError, match=r"windows\.csv: .*not in UTF-8.*`CSV UTF-8`"):
         rss.read_record(tmp_path / "windows.csv")
     with pytest.raises(InputError, match="written as"):
@@ -365,6 +369,45 @@ def test_the_unit_that_a_header_states_is_converted_and_said(tmp_path, cell, cha
     assert record.channels[channel].tolist() == pytest.approx([one, 2.0 * one])
     said = record.meta["converted"]
     assert said.startswith("time from ms") and (f"{channel} from " in said) == (one != 1.0)
+
+
+PLAIN = "time [s],Heave [m],Roll [deg]\n0,1.5,90\n0.5,,180\n1,2.5,-90\n"
+EXCEL = PLAIN.replace(",", ";").replace(".", ",")
+
+
+@pytest.mark.parametrize("text, encoding", [
+    ("sep=;\n" + EXCEL, "utf-8"), ("sep=,\n" + PLAIN, "utf-8-sig"), (PLAIN.replace(",", "\t"), "utf-16"),
+    (PLAIN.replace("\n", ",\n"), "utf-8"), (EXCEL.replace("\n", ";;\n"), "utf-8"), ("# x: y;;\n" + EXCEL, "utf-8"),
+    (PLAIN.replace("\n", ",\n").replace(",", "\t"), "utf-16"), (PLAIN.replace(",,", ",#N/A,"), "utf-8"),
+    (EXCEL.replace(";;", ";#NV;"), "utf-8"), (PLAIN.upper(), "utf-8"), (PLAIN.replace("deg", "°"), "cp1252"),
+    (PLAIN.replace(" [s]", "").replace(" [m]", "").replace(" [deg]\n", ",\ns,m,deg,\n"), "utf-8"),
+    (EXCEL.replace(" [m]", " [KN]").replace("Heave", "Heave vel").replace("1,5", "2,7").replace("2,5", "4,5"), "utf-8"),
+    ("Heave,time,Roll (°)\n1.5,0,90\n#N/A,0.5,180\n2.5,1,-90\n", "utf-8")])
+def test_what_spreadsheets_and_loggers_write_is_the_same_table(tmp_path, text, encoding):
+    (tmp_path / "run.csv").write_bytes(text.replace("\n", "\r\n").encode(encoding))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        record = rss.read_record(tmp_path / "run.csv")
+    factor = 1852.0 / 3600.0 * 1.8 if "KN" in text else 1.0
+    np.testing.assert_allclose(record.time, [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(next(v for n, v in record.channels.items() if "Heave" in n) / factor, [1.5, np.nan, 2.5])
+    np.testing.assert_allclose(record.channels["Roll"], np.pi * np.array([0.5, 1.0, -0.5]))
+    assert sum("read as Windows text (cp1252)" in str(w.message) and "'°'" in str(w.message) for w in said) == (
+        encoding == "cp1252")
+
+
+@pytest.mark.parametrize("header, ignore, left", [
+    ("Probe 3,Heave", "probe_3", ["Heave"]), ("Probe 3,Heave", "Probe 3", ["Heave"]), ("P,Heave", "p", ["Heave"]),
+    ("Sway acc,Heave", "sway_acc", ["Heave"]), ("Heave,Roll", "wave", ["Heave", "Roll"]),
+    ("Probe,probe,Heave", "probe", None)])       # one is named: the other is not left out with it
+def test_a_column_to_leave_out_is_named_as_channels_are(tmp_path, header, ignore, left):
+    rows = [",".join([str(k)] * (header.count(",") + 2)) for k in range(3)]
+    path = written(tmp_path, "\n".join([f"time,{header}", *rows]))
+    if left is None:
+        with pytest.raises(InputError, match="column 2 'Probe'"):
+            rss.read_record(path, ignore=(ignore,))
+    else:
+        assert list(rss.read_record(path, ignore=(ignore,)).channels) == left
 
 
 def test_degrees_are_converted_once(tmp_path):

@@ -48,6 +48,7 @@ def test_the_header_says_the_unit_and_a_file_keeps_it(tmp_path, header, columns,
 
 @pytest.mark.parametrize("header, dofs, words", [
     ("time [s],bob [m]", (), ["column 2", "'bob'", "dofs={'bob': 'm'}", "--dofs bob=m", "--ignore bob"]),
+    ("time [s],bob 2 [m]", (), ["dofs={'bob 2': 'm'}", "--dofs 'bob 2'=m", "--ignore 'bob 2'"]),
     ("time [s],bob", ("bob",), ["column 2", "no unit", "`bob [m]` or `bob [rad]`"]),
     ("time [s],bob [V]", ("bob",), ["column 2", "[V]", "m or rad"]),
     ("time [s],bob [deg]", {"bob": "m"}, ["column 2", "of one kind", "m, rad"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Mapping
+from shlex import join
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +36,7 @@ def scenario(args: argparse.Namespace, model: Model) -> Record:
     units = own_dofs(dict.fromkeys(model.dofs, "") | kept(args))
     if unsaid := [dof for dof, unit in units.items() if not unit]:
         raise InputError(f"simulate: {unsaid[0]} is no rigid-body mode; say whether it is in m or in rad: --dofs "
-                         + " ".join(f"{dof}=m" if dof in unsaid else dof for dof in model.dofs))
+                         + join(f"{dof}=m" if dof in unsaid else dof for dof in model.dofs))
     periods = natural_modes(model).period
     periods = periods[np.isfinite(periods)]
     start, channels, meta = None, {}, {"source": "simulated"}

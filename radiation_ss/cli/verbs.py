@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -229,7 +230,7 @@ def model_of(args: argparse.Namespace, data: HydroData, records: Sequence[Record
     unseen = ", ".join(dof for dof in dofs if dof not in measured)
     if not args.dofs and measured and unseen:
         args.notes.append(f"{args.model}: {unseen} not measured, but {', '.join(measured)} cannot move alone; if the "
-                          f"rig holds the rest, --dofs {' '.join(measured)}")
+                          f"rig holds the rest, --dofs {join(measured)}")
     if len(dofs) < data.n and not args.dofs:
         left = ", ".join(dof for dof in data.dofs if dof not in dofs)
         args.notes.append(f"{args.model}: {left} not measured by any record and left out (--dofs keeps them)")

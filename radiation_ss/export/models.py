@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.atomic import write_rows, write_whole
 from radiation_ss.errors import InputError
-from radiation_ss.fit.rational import Realisation, minimal, side_by_side
+from radiation_ss.fit.rational import Realisation, minimal, modes, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID
 from radiation_ss.hydro.readers.assemble import MSS_AXES, body_groups, six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading, lines, row
-from radiation_ss.reading import check_size, listed, read_arrays, read_mat, texts, whole_number
+from radiation_ss.reading import check_size, listed, read_arrays, read_mat, texts, whole_number, within
 
 
 def write_openfast(fit: RadiationFit, path: Path) -> None:
@@ -80,8 +81,7 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     if path.exists():
         places, bodies = _places_in(path, places, bodies)
     n = 6 * len(bodies)
-    entries = {(at, to): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
-               for i, at in enumerate(places) for j, to in enumerate(places) if fit.b[:, j].any() and fit.c[i].any()}
+    entries = {(places[i], places[j]): part for (i, j), part in _entries(fit).items()}
     if not entries:
         raise InputError(f"{path.name}: a model without radiation has no states to write; this form needs one at least")
     nothing = -np.eye(1), np.zeros((1, 1)), np.zeros((1, 1))  # motions are told by their states, still ones too
@@ -92,21 +92,49 @@ def write_bemio(fit: RadiationFit, path: Path) -> None:
     with h5py.File(raw, "r+" if path.exists() else "w") as file:
         rho = _density(file, fit, path)
         for k, name in enumerate(bodies):
-            A, B = np.zeros((6, n, most, most)), np.zeros((6, n, most, 1))
-            C, it = np.zeros((6, n, 1, most)), np.zeros((6, n))
+            group = f"body{k + 1}/{STATE_SPACE}"
+            if group in file:
+                del file[group]
+            B, C, it = np.zeros((6, n, most, 1)), np.zeros((6, n, 1, most)), np.zeros((6, n))
+            A = file.create_dataset(f"{group}/A/all", (6, n, most, most), "f8", chunks=(1, 1, most, most),
+                                    compression="gzip")  # of entries without states there is nothing in the file
             for (i, j), (a, b, c) in entries.items():
                 if i // 6 == k:
                     states = a.shape[0]
                     A[i % 6, j, :states, :states], B[i % 6, j, :states] = a, b
                     C[i % 6, j, :, :states], it[i % 6, j] = c / rho, states
-            group = f"body{k + 1}/{STATE_SPACE}"
-            if group in file:
-                del file[group]
-            for field, values in (("A/all", A), ("B/all", B), ("C/all", C), ("D/all", np.zeros((6, n))), ("it", it)):
-                file[f"{group}/{field}"] = values
+            for field, values in (("B/all", B), ("C/all", C), ("D/all", np.zeros((6, n))), ("it", it)):
+                file.create_dataset(f"{group}/{field}", data=values, compression="gzip")
             if f"body{k + 1}/properties/name" not in file:
                 file[f"body{k + 1}/properties/name"] = name or f"body{k + 1}"
     write_whole(path, raw.getvalue())
+
+
+def _entries(fit: RadiationFit, share: float = 1e-13) -> Parts:
+    """Return a subsystem for each entry of K, of the modes that it shows where these are far apart.
+
+    A mode's part in an entry counts relative to its largest, motions scaled.
+    """
+    found = modes(fit.a, fit.b, fit.c)
+    if found is None:
+        return {(i, j): minimal(fit.a, fit.b[:, [j]], fit.c[[i]], tolerance=1e-10)
+                for i in range(len(fit.dofs)) for j in range(len(fit.dofs)) if fit.b[:, j].any() and fit.c[i].any()}
+    poles, R = (part[found[0].imag >= 0.0] for part in found)
+    size = np.abs(R) / np.maximum(np.abs(poles.real), 1e-300)[:, None, None]
+    row, column = (size.max(axis=axis, initial=0.0) for axis in ((0, 2), (0, 1)))
+    size = size / np.maximum(row[:, None] * column, 1e-300)
+    shown = size > share * np.maximum(size.max(axis=(1, 2), keepdims=True, initial=0.0), 1e-2 * size.max(initial=0.0))
+    return {(i, j): in_modes(poles[at], R[at, i, j]) for i, j in np.ndindex(R.shape[1:])
+            if (at := shown[:, i, j]).any()}
+
+
+def in_modes(poles: ComplexArray, residues: ComplexArray) -> Realisation:
+    """Return the sum of r / (s - p), with the conjugate where p is not real, a block for each."""
+    pairs = [bool(p.imag) for p in poles]
+    a = block_diag(*([[p.real, p.imag], [-p.imag, p.real]] if p.imag else [[p.real]] for p in poles))
+    b = np.concatenate([[1.0, 0.0] if pair else [1.0] for pair in pairs])
+    c = np.concatenate([[2.0 * r.real, 2.0 * r.imag] if pair else [r.real] for pair, r in zip(pairs, residues)])
+    return a, b[:, None], c[None]
 
 
 def _places_in(path: Path, places: Sequence[int], bodies: Sequence[str]) -> tuple[list[int], list[str]]:
@@ -155,13 +183,16 @@ def read_bemio(path: Path) -> RadiationFit:
         names = six_dofs(list(bodies.values()))
         parts: Parts = {}
         for k, g in enumerate(bodies):
-            A, B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("A/all", "B/all", "C/all", "it"))
-            if it.shape != (6, 6 * len(bodies)) or not np.isin(it, np.arange(A.shape[-1] + 1)).all():
+            B, C, it = (_numbers(file, f"{g}/{STATE_SPACE}/{field}") for field in ("B/all", "C/all", "it"))
+            most = min(file[f"{g}/{STATE_SPACE}/A/all"].shape[-1], 10_000)
+            if it.shape != (6, 6 * len(bodies)) or not np.isin(it, np.arange(most + 1)).all():
                 raise InputError(f"{path.name}: {g}/{STATE_SPACE}/it: numbers of states of 6 times "
-                                 f"{6 * len(bodies)} entries are needed, at most {A.shape[-1]} each")
+                                 f"{6 * len(bodies)} entries are needed, at most {most} each")
+            within(path, 8 * int((it**2).sum()))
             for i, j in zip(*np.nonzero(it)):
                 states = int(it[i, j])
-                parts[6 * k + int(i), int(j)] = (A[i, j, :states, :states], B[i, j, :states].reshape(-1, 1),
+                A = _numbers(file, f"{g}/{STATE_SPACE}/A/all", (i, j, slice(states), slice(states)))
+                parts[6 * k + int(i), int(j)] = (A, B[i, j, :states].reshape(-1, 1),
                                                  rho * C[i, j].reshape(1, -1)[:, :states])
     told = {i for pair in parts for i in pair}
     parts = {pair: part for pair, part in parts.items() if part[1].any() and part[2].any()}
@@ -173,14 +204,47 @@ def read_bemio(path: Path) -> RadiationFit:
 
 def _joined(dofs: Sequence[str], parts: Parts, name: str) -> RadiationFit:
     """Return the model of one subsystem for each entry."""
-    a, b, c = side_by_side(list(parts.values()), [[i] for i, _ in parts], [[j] for _, j in parts], len(dofs))
+    joint = _by_modes(parts, len(dofs))
+    if joint is None:
+        within(name, 8 * sum(part[0].shape[0] for part in parts.values()) ** 2)
+        joint = side_by_side(list(parts.values()), [[i] for i, _ in parts], [[j] for _, j in parts], len(dofs))
+    a, b, c = joint
     return RadiationFit(tuple(dofs), a, b, c, order=max(part[0].shape[0] for part in parts.values()),
                         method=f"read from {name}")
 
 
-def _numbers(file: Any, name: str) -> FloatArray:
-    """Return a data set of finite numbers."""
-    values = np.asarray(file[name][()])
+def _by_modes(parts: Parts, n: int, share: float = 1e-12) -> Realisation | None:
+    """Return the model of subsystems in the form of `in_modes`, each mode once; None if any has another form."""
+    R: dict[complex, ComplexArray] = {}
+    for at, (a, b, c) in parts.items():
+        if not b.size or a.shape != (b.size, b.size) or c.size != b.size:
+            return None
+        up = np.r_[0.0, np.diag(a, 1), 0.0]
+        first = np.flatnonzero(up[:-1] == 0.0)
+        poles, pair = np.diag(a)[first] + 1j * up[first + 1], up[first + 1] != 0.0
+        residues = np.where(pair, 0.5 * (c[0][first] + 1j * np.append(c[0], 0.0)[first + 1]), c[0][first])
+        if not all(map(np.array_equal, in_modes(poles, residues)[:2], (a, b))):
+            return None
+        for pole, residue in zip(poles.tolist(), residues):
+            R.setdefault(pole, np.zeros((n, n), dtype=complex))[at] += residue
+    found = []
+    for pole, entries in R.items():
+        matrix = entries if pole.imag else entries.real
+        row, column = (np.maximum(np.abs(matrix).max(axis=axis), 1e-300) for axis in (1, 0))
+        u, s, v = np.linalg.svd(matrix / row[:, None] / column)
+        for k in range(int((s > share * s[0]).sum())):
+            left, right = row * u[:, k] * s[k], column * v[k]
+            if not pole.imag:
+                found.append((np.array([[pole.real]]), right[None], left[:, None]))
+                continue
+            found.append((np.array([[pole.real, -pole.imag], [pole.imag, pole.real]]),
+                          np.stack([right.real, right.imag]), np.stack([2.0 * left.real, -2.0 * left.imag], axis=1)))
+    return side_by_side(found, [range(n)] * len(found), [range(n)] * len(found), n)
+
+
+def _numbers(file: Any, name: str, where: tuple[Any, ...] = ()) -> FloatArray:
+    """Return a data set of finite numbers, or the part of it `where`."""
+    values = np.asarray(file[name][where])
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or values.size == 0:
         raise InputError(f"{name} holds {values.dtype}, finite numbers are needed")
     return values.astype(float)

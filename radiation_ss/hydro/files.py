@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 FORMATS = {".nc": "capytaine", ".h5": "bemio", ".hdf5": "bemio", ".1": "wamit", ".2": "wamit", ".3": "wamit",
            ".hst": "wamit", ".out": "wamit", ".wamit": "wamit", ".ah1": "aqwa", ".lis": "aqwa_lis", ".mat": "mss",
            ".cal": "nemoh", ".in": "hams", ".rao": "hydrostar", ".yml": "orcaflex"}
+GZIPPED = ("wamit", "aqwa", "aqwa_lis", "orcaflex")  # text of one file, which may be gzipped
 HAMS, HYDROSTAR = "Input/ControlFile.in", "AddedMass_11.rao"  # what tells their folders
 # Whose files an option is for
 OWNER = {"length": "WAMIT", "first_column": "WAMIT", "vessel": "OrcaFlex", "draught": "OrcaFlex"}
@@ -31,7 +32,7 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
     path : path or xarray.Dataset
         Capytaine .nc, or a dataset of its form; BEMIO .h5; WAMIT .1, .3, .hst (those of the same stem are read
         together), .out or .out.wamit; the folder of a NEMOH, HAMS or HydroStar (.rao) run; AQWA .AH1 or .LIS;
-        OrcaFlex .yml (OrcaWave exports it); MSS .mat.
+        OrcaFlex .yml (OrcaWave exports it); MSS .mat. Those of WAMIT, AQWA and OrcaFlex may be gzipped (.gz).
     format : str, optional
         'capytaine', 'bemio', 'wamit', 'nemoh', 'hams', 'hydrostar', 'aqwa', 'aqwa_lis', 'orcaflex' or 'mss'; told
         from the name if not given.
@@ -88,6 +89,8 @@ def read_hydro(path: "str | Path | xr.Dataset", format: str | None = None, *, rh
                          "write_hydro(HydroData(omega, A, B, dofs=...), 'body.nc')")
     if name not in known:
         raise InputError(f"{path}: format {format or path.suffix!r} is not known; give format= one of {known}")
+    if path.suffix.lower() == ".gz" and name not in GZIPPED:
+        raise InputError(f"{path}: gzipped, and files of {name} are not read so; `gunzip` unpacks it")
     options = {key: value for key, value in zip(OWNER, (length, first_column, vessel, draught)) if value is not None}
     for key in options:
         if name != OWNER[key].lower():
@@ -102,7 +105,7 @@ def _told_from(path: Path) -> str | None:
         found = {"hams": (path / HAMS).is_file(), "hydrostar": (path / HYDROSTAR).is_file(),
                  "nemoh": later("hydro.readers.nemoh:is_run", path)}
         return next((name for name, there in found.items() if there), None)
-    name = FORMATS.get(path.suffix.lower())
+    name = FORMATS.get(Path(path.name.lower().removesuffix(".gz")).suffix)
     return "hams" if name == "wamit" and later("hydro.readers.wamit:is_wamit_form", path.absolute()) else name
 
 

@@ -97,11 +97,14 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
     inside = np.where(middle[:, None, None], np.abs(residual), 0.0)
     if where := bands(w, inside.max(axis=(1, 2)) > tolerance):
         size, (k, i, j) = worst(inside)
+        faster = data.A - added_mass_from_damping(2.0 * np.pi * w, data.B)
+        left = float(np.abs(scaled(faster - np.median(faster[middle], axis=0), scale))[middle].max())
+        hertz = f"; were the frequencies in Hz, by {percent(left)}: they may be" if left < 0.05 * size else ""
         found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
                              f"added mass and damping violate the Kramers-Kronig relations by {percent(size)} of the "
                              "largest A - A_inf, "
                              f"worst at {w[k]:.3g} rad/s in {named(data, i, j)}; beyond {percent(tolerance)} in "
-                             f"{said(where)}"))
+                             f"{said(where)}{hertz}"))
     if data.A_inf is None:
         estimate = estimate_A_inf(w, data.A, data.B)
         each = ", ".join(f"{dof} {estimate.value[i, i]:.4g} +- {estimate.std[i, i]:.2g}"

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.inference.motion import parted
 from radiation_ss.records.columns import RATES
 from radiation_ss.records.probe import check_elevation_at_body
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import stretches
+from radiation_ss.records.signals import filled, stretches
+from radiation_ss.simulation.prepared import driven_at
 
 ENDINGS = tuple(RATES)
 
@@ -203,29 +205,54 @@ def check_force_known(model: Model, record: Record) -> None:
                      "with X in the model); method 'spectral' needs none")
 
 
+def between_gaps(model: Model, record: Record) -> tuple[list[Record], list[str]]:
+    """Return the parts of a record that its known input is whole in, and sentences on what is left out.
+
+    Shorter gaps than half a period are filled (`_bridged`). Parts whose motion is too short go, too.
+    """
+    def gap(part: Record) -> float:
+        return max((float(np.diff(np.r_[part.time[0], at, part.time[-1]]).max()) for at in driven_at(model, part)),
+                   default=0.0)
+
+    few = 3.5 * float(np.median(np.diff(record.time)))  # two missing samples
+    parts, said = ([record], list[str]()) if gap(record) < few or record.kind == "decay" else parted(model, record)
+    kept, short = list[Record](), list[InputError]()
+    for part in parts:
+        try:
+            motion_channels(model, part)
+            kept.append(part)
+        except InputError as error:
+            short.append(error)
+    if not kept:
+        raise short[0] if not said else InputError(f"record {record.name}: its force or elevation has gaps, and no "
+                                                   f"part between them is long enough ({short[0]})")
+    said += [f"{error}; that part is left out" for error in short]
+    if (longest := max(map(gap, kept))) > few and record.kind != "decay":
+        said.append(f"record {record.name}: gaps of the force or the elevation, of {longest:.3g} s at most, are filled")
+    return kept, said
+
+
 def known_force(model: Model, record: Record) -> FloatArray | None:
     """Return the exciting force (nt, n) on the uniform grid: recorded, or a decay test's zero; None if not known."""
     measured = record.get("force", model.dofs)
     if measured is None:
         return None
     rows = [row if np.isfinite(row).any() else np.zeros(row.size) for row in measured]
-    return np.stack([_bridged(record, f"{dof}_force", row) for dof, row in zip(model.dofs, rows)], axis=1)
+    return np.stack([_bridged(record, row) for row in rows], axis=1)
 
 
 def known_elevation(record: Record) -> FloatArray:
     """Return the wave elevation (nt,) on the record's uniform grid, mean removed."""
     check_elevation_at_body(record)
-    elevation = _bridged(record, "wave_elevation", record.channels["wave_elevation"])
+    elevation = _bridged(record, record.channels["wave_elevation"])
     return elevation - elevation.mean()
 
 
-def _bridged(record: Record, label: str, column: FloatArray) -> FloatArray:
-    """Return a column on the uniform grid, gaps of up to two samples filled by a straight line."""
-    (start, dt, _), values = uniform_grid(record), on_grid(record, column)
-    bad = ~np.isfinite(values)
-    for first, end in stretches(bad):
-        if end - first >= 2:
-            raise InputError(f"record {record.name}, column {label}: missing from {start + dt * first:g} to "
-                             f"{start + dt * end:g} s; a known input may not have gaps of more than two samples")
-    grid = np.arange(values.size)
+def _bridged(record: Record, column: FloatArray) -> FloatArray:
+    """Return a column on the uniform grid, its gaps filled: by a straight line those of up to two samples."""
+    values = on_grid(record, column)
+    longest = max((end - first for first, end in stretches(~np.isfinite(values))), default=0)
+    if longest > 2 and np.nanstd(values) > 0.0:
+        values = filled(values, longest, 3 * longest)
+    grid, bad = np.arange(values.size), ~np.isfinite(values)
     return np.interp(grid, grid[~bad], values[~bad])

@@ -12,7 +12,7 @@ from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.dual_enkf import DualEnKF
-from radiation_ss.identification.channels import check_force_known
+from radiation_ss.identification.channels import between_gaps, check_force_known
 from radiation_ss.identification.joint_filter import by_joint_filter
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
@@ -160,6 +160,8 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
         stated = {name: value for name, value in model.tolerance.items() if name != "kernel"}
         rules = replace(rules, tolerance={**stated, **(rules.tolerance or {})})
     check_units(model, runs)
+    parts = [between_gaps(model, record) if method == "prediction-error" else ([record], []) for record in runs]
+    taken = tuple(part for each, _ in parts for part in each)
     studies = []
     # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
     forced = sum(record.kind != "decay" for record in runs) > len(waves)
@@ -167,8 +169,9 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     for smooth in (True, False) if method == "prediction-error" else (True,):
         form = _form(model, method, prior, beyond, rules, bool(waves), smooth)
         known = None if points is None else known_points(model, points, form, rules.point_tolerance)
-        studies.append(Study(model, form, runs, known, points, seed, generator(seed), rules))
-    said = [text for _, held in freed for text in held] + [text for record in runs for text in doubts(model, record)]
+        studies.append(Study(model, form, taken, known, points, seed, generator(seed), rules))
+    said = [text for record in runs for text in doubts(model, record)]
+    said += [text for _, left in [*freed, *parts] for text in left]
     try:
         study, found = _answered(studies, method)
     except SolverError as error:

@@ -239,7 +239,7 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
             for gap in unread(record, at, np.pi / w, missed)]
     if not gaps:
         return [record], []
-    gaps, least = sorted(gaps), (resolution or Resolution()).periods * 2 * np.pi / max(omega)
+    gaps, least = sorted(set(gaps)), (resolution or Resolution()).periods * 2 * np.pi / max(omega)
     starts = np.maximum.accumulate([record.time[0], *(end for _, end in gaps)])
     spans = [(a, b) for a, b in zip(starts, [*(start for start, _ in gaps), record.time[-1]]) if b - a >= least]
     if not spans:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from shlex import quote
 from types import MappingProxyType
 
 import numpy as np
@@ -95,7 +96,8 @@ def channel_unit(channel: str, own: Mapping[str, str] = MappingProxyType({})) ->
         alike = get_close_matches(mode(dof).capitalize(), RIGID, 1, 0.7)
         near = _near(channel, dof) or (alike and channel.replace(mode(dof), alike[0]))
         hint = f"; did you mean {near!r}?" if near else (
-            f"; one of your own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {dof}=m, Record(units={{{dof!r}: 'm'}})")
+            f"; one of your own needs its unit: dofs={{{dof!r}: 'm'}}, --dofs {quote(dof)}=m, "
+            f"Record(units={{{dof!r}: 'm'}})")
         raise InputError(f"channel {channel!r} is not one of time, wave_elevation, <Dof>, <Dof>_velocity, "
                          f"<Dof>_acceleration, <Dof>_force with <Dof> among {', '.join(RIGID)}{hint}")
     return force_unit(dof) if suffix == "_force" else motion_unit(dof) + RATES[suffix]
@@ -149,7 +151,7 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 
 def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> list[Column]:
     """Return what each column holds, by the cells of the header; InputError naming the one that is not understood."""
-    columns: list[Column] = []
+    columns, left = list[Column](), _left_out(header, choice)
     if not any(names_channel(cell, choice) for cell in header):
         if len(header) == 1 and any(names_channel(word, choice) for word in header[0].split()):
             raise InputError(f"{where}: blanks in {header[0].strip()!r}; the separator must be a comma, a semicolon or "
@@ -163,14 +165,15 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
             raise InputError(f"{at}: a header cell reads `name [unit]`, for example `Heave [m]`; a line ends without a "
                              "separator")
         name = text if split(text)[0] in choice.dofs else spelled(text) or text
-        if not {name, text, cell.strip()}.isdisjoint(choice.ignore):
+        if number - 1 in left:
             columns.append(Column(None))
             continue
         own = _own_unit(name, unit, at, choice, columns)
         try:
             si = channel_unit(name, own)
         except InputError as error:
-            raise InputError(f"{at}: {error} (leave a column out: ignore=({text!r},), or --ignore {text})") from None
+            raise InputError(f"{at}: {error} (leave a column out: ignore=({text!r},), or --ignore {quote(text)})"
+                             ) from None
         if name in (column.name for column in columns):
             raise InputError(f"{at}: the column is there twice")
         columns.append(Column(name, *_unit_of(unit, si, name, at, choice), *own.values()))
@@ -187,7 +190,22 @@ def plain_columns(header: Sequence[str], where: str, choice: ColumnChoice) -> li
 def names_channel(cell: str, choice: ColumnChoice) -> bool:
     """Whether a header's cell names a channel, by any spelling that is understood or nearly so, or what is left out."""
     name = name_and_unit(cell)[0]
-    return bool(name in choice.ignore or split(name)[0] in choice.dofs or spelled(name) or _near(name, split(name)[0]))
+    return bool(_left_out([cell], choice) or split(name)[0] in choice.dofs or spelled(name)
+                or _near(name, split(name)[0]))
+
+
+def _left_out(header: Sequence[str], choice: ColumnChoice) -> set[int]:
+    """Return the places of columns to leave out: as they are named, else in any case, with blanks or underscores."""
+    cells = [(text := name_and_unit(cell)[0], spelled(text) or text, cell.strip()) for cell in header]
+    found = set[int]()
+    for name in choice.ignore:
+        exact = {at for at, known in enumerate(cells) if name in known}
+        found |= exact or {at for at, known in enumerate(cells) if _plainly(name) in map(_plainly, known)}
+    return found
+
+
+def _plainly(text: str) -> str:
+    return re.sub(r"[\s_]+", " ", text.strip().lower())
 
 
 def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, columns: Sequence[Column]) -> dict[str, str]:
@@ -205,7 +223,7 @@ def _own_unit(name: str, found: str | None, at: str, choice: ColumnChoice, colum
         said.add("rad")
     if not said:
         raise InputError(f"{at}: no unit; write `{name} [{units['m']}]` or `{name} [{units['rad']}]`, or "
-                         f"dofs={{{dof!r}: 'm'}}, --dofs {dof}=m")
+                         f"dofs={{{dof!r}: 'm'}}, --dofs {quote(dof)}=m")
     if len(said) > 1:
         raise InputError(f"{at}: {dof} is in m elsewhere and in rad here, or the other way round; all columns of it "
                          f"are of one kind, {', '.join(units.values())}")
@@ -246,9 +264,12 @@ def own_text(own: Mapping[str, str]) -> str:
 
 
 def missing_or_number(text: str) -> float | None:
-    """Return the cell as a number, NaN if it is empty, None if it is neither, or one as Python alone spells them."""
+    """Return the cell as a number, NaN if it is empty or #N/A (in German #NV), which Excel writes.
+
+    None if it is neither, or one as Python alone spells them.
+    """
     text = text.strip()
-    if text == "":
+    if text in ("", "#N/A", "#NV"):
         return float("nan")
     try:
         value = float(text) if text.isascii() and "_" not in text else None

@@ -5,6 +5,7 @@ import gzip
 import io
 import json
 import re
+import warnings
 import zlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -14,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.reading import is_text
 from radiation_ss.records.columns import (
     Column,
     ColumnChoice,
@@ -47,10 +49,10 @@ def read_csv(path: Path, choice: ColumnChoice) -> Table:
 def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
     """Return what `read_csv` does of the lines of a file."""
     comments, marks = dict[str, str](), set[str]()
-    line, separator, columns, below = _header(rows, where, choice, comments)
+    line, separator, columns, samples = _header(rows, where, choice, comments)
     values: list[list[FloatArray]] = [[] for _ in columns]
     lines: list[Sequence[int]] = []
-    held, samples = 0, chain(below, rows)
+    held = 0
     while some := list(islice(samples, max(1, ROWS // len(columns)))):
         if separator != ",":
             some = _plain(some, line, where, separator, marks)
@@ -75,26 +77,33 @@ def _table(rows: Iterator[str], where: str, choice: ColumnChoice) -> Table:
 
 
 def _header(rows: Iterator[str], where: str, choice: ColumnChoice,
-            comments: dict[str, str]) -> tuple[int, str, list[Column], list[str]]:
-    """Return the first line of samples by its number, the separator, the columns, and lines that are taken already."""
+            comments: dict[str, str]) -> tuple[int, str, list[Column], Iterator[str]]:
+    """Return the first line of samples by its number, the separator, the columns, and the lines from there on.
+
+    Separators that end the header may end each line, too.
+    """
     line, header = _head(rows, where, comments)
     choice, at, below = choice.with_comments(comments), f"{where}, line {line}", list[str]()
     separator = _separator(header, at, choice)
     cells = _cells(header, at, separator)
+    width = max((k for k, cell in enumerate(cells, 1) if cell.strip()), default=0)
+    if 0 < width < len(cells):
+        cells, ending = cells[:width], re.compile(rf"( *{separator}){{1,{len(cells) - width}}} *$")
+        rows = (ending.sub("", row) for row in rows)
     columns = plain_columns(cells, at, choice)
     for row in rows:  # the line below a header without units may hold them
         below.append(row)
         if row.strip(",; \t"):
             named = _with_units(cells, _cells(row, f"{where}, line {line + len(below)}", separator))
             if named is not None:
-                return line + len(below) + 1, separator, plain_columns(named, at, choice), []
+                return line + len(below) + 1, separator, plain_columns(named, at, choice), rows
             break
-    return line + 1, separator, columns, below
+    return line + 1, separator, columns, chain(below, rows)
 
 
 def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[int, str]:
     """Return number and text of the header, and take up the comments above it."""
-    lines = dict[str, int]()
+    lines, stated = dict[str, int](), ""
     for line, row in enumerate(rows, start=1):
         if row.lstrip().startswith("#"):
             key, value = comment_of(row) or ("", "")
@@ -109,7 +118,12 @@ def _head(rows: Iterator[str], where: str, comments: dict[str, str]) -> tuple[in
         elif "\0" in row:
             raise InputError(f"{where}, line {line}: holds zero bytes, as text in UTF-16 does; spreadsheets save UTF-8 "
                              "as `CSV UTF-8`")
+        elif line == 1 and re.match(r"sep=[,;\t]", row):  # which Excel writes
+            stated = row[4]
         elif row.strip(",; \t"):
+            if stated not in row:
+                raise InputError(f"{where}, line 1: 'sep={stated}', but the header, line {line}, holds none: "
+                                 f"{row[:80]!r}")
             return line, row
     raise InputError(f"{where}: no header and no samples")
 
@@ -126,7 +140,7 @@ def _with_units(cells: list[str], below: list[str]) -> list[str] | None:
 def _plain(rows: list[str], first: int, where: str, separator: str, marks: set[str]) -> list[str]:
     """Return lines with commas between cells and points in numbers; `marks`: decimal marks that were seen so far."""
     for line, row in enumerate(rows, start=first):
-        if not row.lstrip().startswith("#"):
+        if not _is_comment(row):
             marks |= {mark for mark in ",." if mark in row}
         if len(marks) > 1:
             raise InputError(f"{where}, line {line}: points and commas in numbers; between {SEPARATORS[separator]} one "
@@ -142,7 +156,7 @@ def _careful_values(rows: Sequence[str], first: int, where: str,
         if (comment_of(row) or ("",))[0] in OWN:
             raise InputError(f"{where}, line {line}: {row.strip()[:80]!r} stands below the header; comments stand "
                              "above it")
-        if not row.strip(", \t") or row.lstrip().startswith("#"):
+        if not row.strip(", \t") or _is_comment(row):
             continue
         cells = _cells(row, f"{where}, line {line}")
         if len(cells) != len(columns):
@@ -162,12 +176,33 @@ def _careful_values(rows: Sequence[str], first: int, where: str,
     return np.array(values, dtype=float).reshape(len(values), len(columns)), lines
 
 
+def _is_comment(row: str) -> bool:
+    return row.lstrip().startswith("#") and re.match(r"\s*#N(/A|V)\s*([,;\t]|$)", row) is None
+
+
+def _encoding(head: bytes, path: Path) -> str:
+    """Return the encoding by the first bytes: UTF-16 by its mark, else UTF-8, or Windows' own of what is no UTF-8."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    try:
+        head.decode()
+    except UnicodeDecodeError as error:
+        words = head.decode("cp1252", "replace")
+        if error.start < len(head) - 3 and "\ufffd" not in words and is_text(words.encode(), 2 * len(head)):
+            warnings.warn(InputWarning(f"{path}: not in UTF-8; read as Windows text (cp1252), in which its first other "
+                                       f"letter is {words[error.start]!r}"), stacklevel=2)
+            return "cp1252"
+    return "utf-8-sig"
+
+
 def _pieces(path: Path) -> Generator[list[str], None, None]:
     """Give the lines of a file, some at a time; any line end becomes a newline."""
     packed = path.suffix == ".gz"
     try:
         most = max(100 * PIECE, PACKED * path.stat().st_size) if packed else np.inf
-        with (gzip.open if packed else open)(path, "rt", encoding="utf-8-sig") as text:
+        with (gzip.open if packed else open)(path, "rb") as raw:
+            encoding = _encoding(raw.read(1 << 16), path)
+        with (gzip.open if packed else open)(path, "rt", encoding=encoding) as text:
             read, line, rest = 0, 1, ""
             while piece := text.read(PIECE):
                 read += len(piece)

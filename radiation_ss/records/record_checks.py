@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
+from shlex import quote
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -100,7 +101,7 @@ def _channel(name: str, values: FloatArray, most: int, still: bool, largest: flo
         size = float(np.ptp(values)) / 2.0
         if unit == "rad" and size > (np.pi if mode(name) == "Yaw" else lean):
             yield (f"{name} [rad]: an amplitude of {size:.3g}; is it in degrees? Its header is then `{name} [deg]`, "
-                   f"or read_record(..., degrees=({name!r},)), --degrees {name}")
+                   f"or read_record(..., degrees=({name!r},)), --degrees {quote(name)}")
         if unit == "m" and size > largest:
             yield f"{name} [m]: an amplitude of {size:.3g}; is it in millimetres? Its header is then `{name} [mm]`"
     among = f" of the first {most}" if values.size > most else ""

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 def plot_fit(fit: RadiationFit, entries: list[tuple[str, str]] | None = None) -> Figure:
     """Draw added mass, damping, Nyquist plot and kernel of entries (the diagonal), data as points, fit as lines."""
     data, A_inf = fit.data, fit.A_inf
+    if entries is not None and not (isinstance(entries, list | tuple) and all(
+            isinstance(pair, list | tuple) and [*map(type, pair)] == [str, str] for pair in entries)):
+        raise InputError("plot: entries: pairs of names (force, velocity) needed, [('Surge', 'Pitch')]; found "
+                         f"{type(entries).__name__} {' '.join(str(entries).split())[:60]}")
     if data is None or A_inf is None:
         raise InputError("plot: this fit was read from a file without its data; use fit.replace(data=..., A_inf=...)")
     wanted = entries or [(dof, dof) for block in fit.blocks or (fit.dofs,) for dof in block]

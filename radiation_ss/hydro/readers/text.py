@@ -1,6 +1,8 @@
 """Numbers out of text files: every message says file, line and what would be right."""
 
+import gzip
 import re
+import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -11,15 +13,21 @@ from radiation_ss.reading import check_regular
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))(?:[EeDd]([+-]?\d+)|([+-]\d+))?")
 
 
-def lines(path: Path) -> list[str]:
-    """Return the lines of a text file, or say why not."""
+def lines(path: Path, largest: int = 1 << 30) -> list[str]:
+    """Return the lines of a text file, gzipped or not, or say why not."""
     check_regular(path)
     try:
-        content = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        raw = path.read_bytes()
+        if raw.startswith(b"\x1f\x8b"):
+            with gzip.open(path) as file:
+                raw = file.read(largest + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if len(raw) > largest:
+        raise InputError(f"{path}: unpacks to more than {largest} bytes")
+    content = raw.decode("utf-8-sig", errors="replace")
     found = content.splitlines()
-    if len(found) > 1 and not content.endswith("\n"):
+    if len(found) > 1 and not content.endswith(("\n", "\r")):
         above, last = (re.search(r"[eE][+-]?(\d+)$", line) for line in found[-2:])
         if above and (last is None or len(last[1]) < len(above[1])) and found[-1][-1:].isdigit():
             raise InputError(f"{path}, line {len(found)}: the file ends within a number, {found[-1][-20:]!r}")

@@ -28,11 +28,12 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
     """
     if path.is_dir():
         raise InputError(f"{path}: a folder; one of the files of the run is needed")
-    if path.suffix.lower() in (".out", ".wamit"):
+    plain = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    if plain.suffix.lower() in (".out", ".wamit"):
         return _dimensional(path, *wamit_out.parse_out(path), length, "period", given)
-    main, *others = (_sibling(path, suffix) for suffix in (".1", ".3", ".2", ".hst", ".out"))
+    main, *others = (_sibling(plain, suffix) for suffix in (".1", ".3", ".2", ".hst", ".out"))
     if main is None:
-        raise InputError(f"{path.with_suffix('.1')}: no such file; added mass and damping are in the .1 file")
+        raise InputError(f"{plain.with_suffix('.1')}: no such file; added mass and damping are in the .1 file")
     diffraction, haskind, hst, out = others
     header = wamit_out.parse_header(out) if out else Header()
     radiation = parse_1(main, header.notes)
@@ -43,7 +44,7 @@ def read(path: Path, *, length: float | None = None, first_column: str | None = 
 
 
 def _sibling(path: Path, suffix: str) -> Path | None:
-    places = (path.with_suffix(name) for name in (suffix, suffix.upper()))
+    places = (path.with_suffix(name) for name in (suffix, suffix.upper(), f"{suffix}.gz", f"{suffix.upper()}.gz"))
     return next((place for place in places if place.exists()), None)
 
 
