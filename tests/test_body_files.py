@@ -51,7 +51,8 @@ def test_coefficients_that_somebody_changed_are_fitted_anew(tmp_path):
     model.write(tmp_path / "m.nc")
     with xr.open_dataset(tmp_path / "m.nc") as opened:
         data = opened.load()
-    changed = rss.read_hydro(tmp_path / "m.nc").replace(B=2.0 * rss.read_hydro(tmp_path / "m.nc").B)
+    told = rss.read_hydro(tmp_path / "m.nc")
+    changed = told.replace(B=2.0 * told.B, A=2.0 * told.A - told.A_inf)
     group = xr.open_dataset(tmp_path / "m.nc", group="radiation_ss").load()
     rss.write_hydro(changed, tmp_path / "n.nc")
     group.to_netcdf(tmp_path / "n.nc", mode="a", group="radiation_ss", engine="h5netcdf")

@@ -1,7 +1,10 @@
 """The radiation model of a body's motion: right where the body swings, whatever the wave frequencies are like."""
 
+import warnings
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import radiation_ss as rss
 from radiation_ss.body import natural_modes
@@ -99,3 +102,25 @@ def test_commands_and_python_make_the_same_model_of_a_file(tmp_path, monkeypatch
     by_command = rss.read_record("motion.csv").channels["Heave"]
     by_python = rss.simulate("body.nc", "decay.csv").outputs[0]
     assert np.abs(by_command - by_python).max() < 1e-9 * np.abs(by_python).max()
+
+
+@pytest.mark.parametrize("stiffness", [6e4, 1e5, 1.5e5])
+@pytest.mark.parametrize("name", ["sphere.1", "sphere_bemio.h5"])
+def test_a_lightly_damped_moored_motion_resonates_as_the_file_says(data, name, stiffness):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        sphere = rss.read_hydro(data / "bem" / "formats" / name, **({"rho": 1000.0} if name == "sphere.1" else {}))
+    sphere = sphere.select(["Surge", "Heave"])
+    M, C = 261364.0 * np.eye(2), np.diag([stiffness, sphere.C[1, 1]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        plant = rss.cummins(rss.Model.from_hydro(sphere.replace(M=M, C=C)))
+    omega = np.linspace(0.3, 0.8, 20001)
+    A, B = (CubicSpline(sphere.omega, part[:, 0, 0])(omega) for part in (sphere.A, sphere.B))
+    told = 1.0 / np.abs(stiffness - omega**2 * (M[0, 0] + A) + 1j * omega * B)
+    poles = np.linalg.eigvals(plant.A)
+    near = poles[np.argmin(np.abs(poles - 1j * omega[np.argmax(told)]))]
+    at = near.imag + np.linspace(-5.0, 5.0, 401) * near.real
+    force, moved = plant.B[:, plant.input_labels.index("surge_force")], plant.output_labels.index("surge")
+    found = [abs(plant.C[moved] @ np.linalg.solve(1j * w * np.eye(len(poles)) - plant.A, force)) for w in at]
+    assert 0.8 < max(found) / told.max() < 1.25

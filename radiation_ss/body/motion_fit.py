@@ -12,14 +12,14 @@ from radiation_ss.hydro.data import HydroData
 
 
 def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, options: dict[str, object],
-                   least: float = 0.02, dearest: float = 1.5) -> RadiationFit:
+                   least: float = 0.02, wrong: float = 0.2, dearest: float = 1.5) -> RadiationFit:
     """Return a fit of data with M, C and A_inf.
 
     With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. What is small
     beside the largest K may be large for a slow motion, so the fit is made again, unless that costs `dearest` times
     the relative error: with K(0) = 0 where it damps a motion at its natural frequency more than the file does (moored,
     or without stiffness: a mooring holds such a motion far below the waves), and exact at natural frequencies where it
-    misses more than the share `least` of the inertia's impedance.
+    misses more than the share `least` of the inertia's impedance, or `wrong` of the damping, which bounds resonance.
     """
     from radiation_ss.fit.radiation import fit_radiation
 
@@ -45,22 +45,23 @@ def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, o
         if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
             yield ({"at_zero": "zero"}, (fit.order,), f"K(0) = 0: the closest fit damps {', '.join(loose)} more at the "
                    "natural frequency, at rest without stiffness, than the file does")
-        if options.get("points") is None and (missed := missed_swings(data, fit, least)):
+        if options.get("points") is None and (missed := missed_swings(data, fit, least, wrong)):
             where = ", ".join(f"{omega:.3g}" for omega in missed)
             yield ({"points": missed}, orders if order is not None else (fit.order, 8), "made exact at the natural "
                    f"frequency, {where} rad/s: the closest fit misses more than {least:.0%} of what the motion feels "
-                   "there")
+                   f"there, or {wrong:.0%} of its damping")
 
     orders = (order,) if order is not None else (None, 4, 6, 8)
     fit, said = best(options, orders, accuracy), list[str]()
     for changed, finer, note in ways():
+        most = max(dearest * (fit.relative_error or 0.0), least)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", InputWarning)  # what it costs elsewhere is weighed here
-                exact = best({**options, **changed}, finer, 0.0)
+                exact = best({**options, **changed}, finer, most)
         except (InputError, SolverError):
             continue
-        if exact.relative_error <= max(dearest * fit.relative_error, least):
+        if exact.relative_error <= most:
             options, said = {**options, **changed}, [*said, note]
             fit = replace(exact, notes=(*exact.notes, *said))
     return fit
@@ -81,20 +82,22 @@ def damped_at_rest(data: HydroData, fit: RadiationFit, least: float = 1e-3) -> l
     return [dof for i, dof in enumerate(data.dofs) if stiffness[i] >= 0.0 and damping[i] > most[i]]
 
 
-def missed_swings(data: HydroData, fit: RadiationFit, least: float) -> list[float]:
+def missed_swings(data: HydroData, fit: RadiationFit, least: float, wrong: float) -> list[float]:
     """Return the natural frequencies [rad/s] at which a motion of its own feels another impedance than the file's.
 
-    The natural frequency is the first of the file's beyond which the inertia outweighs the stiffness; a motion without
-    stiffness has none.
+    The natural frequency is the first within the file's beyond which the inertia outweighs the stiffness; a motion
+    without stiffness has none. The file's is interpolated.
     """
     assert data.M is not None and data.C is not None
     found = set()
     for i in range(data.n):
-        inertia = data.M[i, i] + data.A[:, i, i]
-        beyond = np.flatnonzero(data.omega**2 * inertia > data.C[i, i])
+        over = data.omega**2 * (data.M[i, i] + data.A[:, i, i]) - data.C[i, i]
+        beyond = np.flatnonzero(over > 0.0)
         if data.C[i, i] > 0.0 and beyond.size:
-            omega = float(data.omega[beyond[0]])
-            off = fit.frequency_response(np.array([omega]))[0, i, i] - data.K[beyond[0], i, i]
-            if abs(off) > least * omega * inertia[beyond[0]]:
+            near = slice(max(beyond[0] - 1, 0), beyond[0] + 1)
+            omega = float(np.interp(0.0, over[near], data.omega[near]))
+            K = np.interp(omega, data.omega, data.K[:, i, i])
+            off = fit.frequency_response(np.array([omega]))[0, i, i] - K
+            if abs(off) > least * data.C[i, i] / omega or abs(off.real) > wrong * K.real > 0.0:
                 found.add(omega)
     return sorted(found)
