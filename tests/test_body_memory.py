@@ -104,17 +104,15 @@ def test_commands_and_python_make_the_same_model_of_a_file(tmp_path, monkeypatch
     assert np.abs(by_command - by_python).max() < 1e-9 * np.abs(by_python).max()
 
 
-@pytest.mark.parametrize("stiffness", [6e4, 1e5, 1.5e5])
-@pytest.mark.parametrize("name", ["sphere.1", "sphere_bemio.h5"])
+@pytest.mark.parametrize("name, stiffness", [("sphere.1", 6e4), ("sphere.1", 1e5), ("sphere_bemio.h5", 6e4)])
 def test_a_lightly_damped_moored_motion_resonates_as_the_file_says(data, name, stiffness):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         sphere = rss.read_hydro(data / "bem" / "formats" / name, **({"rho": 1000.0} if name == "sphere.1" else {}))
-    sphere = sphere.select(["Surge", "Heave"])
-    M, C = 261364.0 * np.eye(2), np.diag([stiffness, sphere.C[1, 1]])
+    sphere, M = sphere.select("Surge"), np.array([[261364.0]])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        plant = rss.cummins(rss.Model.from_hydro(sphere.replace(M=M, C=C)))
+        plant = rss.cummins(rss.Model.from_hydro(sphere.replace(M=M, C=[[stiffness]])))
     omega = np.linspace(0.3, 0.8, 20001)
     A, B = (CubicSpline(sphere.omega, part[:, 0, 0])(omega) for part in (sphere.A, sphere.B))
     told = 1.0 / np.abs(stiffness - omega**2 * (M[0, 0] + A) + 1j * omega * B)

@@ -240,6 +240,26 @@ def test_a_hump_of_the_damping_is_told_from_a_damper_whatever_the_order_of_the_f
     assert abs(row["mean"] - damper * B) <= 3.0 * row["std"] < 0.5 * B
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_radiation_far_off_is_no_damper(data, seed):
+    """The model's radiation is 1 / 1.6 of the body's, by Fourier series: four deviations of its prior."""
+    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=8)
+    table, rng, count, dt = model.hydro, np.random.default_rng(seed), 4000, 0.1
+    omega, inertia, C = 2.0 * np.pi * np.fft.rfftfreq(count, dt)[1:], model.M[0, 0] + model.A_inf[0, 0], model.C[0, 0]
+    natural, K = np.sqrt(C / inertia), 1.6 * table.K[:, 0, 0]
+    inside = (omega > table.omega[0]) & (omega < table.omega[-1])
+    push = np.exp(-2.0 * np.log(omega / natural) ** 2) * (rng.standard_normal((2, omega.size)).T @ [1.0, 1j]) * inside
+    heave = push / (C - omega**2 * inertia + 1j * omega * np.interp(omega, table.omega, K))
+    force, heave = (np.fft.irfft(np.r_[0.0, some], count)[:600] for some in (1e4 * push, 1e4 * heave))
+    record = Record(dt * np.arange(600), {
+        "Heave": heave + 1e-2 * heave.std() * rng.standard_normal(600), "Heave_force": force}, kind="forced")
+    at = natural * np.linspace(0.6, 1.5, 7)
+    found, true = identify(model, record, "prediction-error", omega=at, draws=300), np.interp(at, table.omega, K).real
+    deviation = (found.B.upper - found.B.lower)[:, 0, 0] / 3.92
+    assert np.all(np.abs(found.B.mean[:, 0, 0] - true) < np.minimum(3.0 * deviation, 0.05 * true))
+    assert not any("linear damping" in text for text in found.warnings)
+
+
 @pytest.mark.parametrize("order", [2, 4])
 def test_what_the_order_leaves_out_of_the_data_is_in_the_answer(order):
     """Two narrow humps of a tenth of the damping, by phasors: bands of B held half of what they should."""
