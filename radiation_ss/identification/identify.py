@@ -1,6 +1,6 @@
 """`identify`: added mass, damping, exciting force and sea from records of a floating body, by one entry point."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -165,18 +165,16 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     # A decay, which has one frequency, does not see such errors, nor does motion whose force is X's.
     forced = sum(record.kind != "decay" for record in runs) > len(waves)
 
-    def studies(prior: float) -> Iterator[Study]:
-        """Yield the studies that are weighed: under either kind of prior where the force is known."""
+    def study_of(prior: float, smooth: bool) -> Study:
         beyond = prior * rules.beyond if method == "prediction-error" and forced else 0.0
-        for smooth in (True, False) if method == "prediction-error" else (True,):
-            form = _form(model, method, prior, beyond, rules, bool(waves), smooth)
-            known = None if points is None else known_points(model, points, form, rules.point_tolerance)
-            yield Study(model, form, taken, known, points, seed, generator(seed), rules)
+        form = _form(model, method, prior, beyond, rules, bool(waves), smooth)
+        known = None if points is None else known_points(model, points, form, rules.point_tolerance)
+        return Study(model, form, taken, known, points, seed, generator(seed), rules)
 
     said = [text for record in runs for text in doubts(model, record)]
     said += [text for _, left in [*freed, *parts] for text in left]
     try:
-        study, found = _answered(studies, method, prior)
+        study, found = _answered(study_of, method, prior)
     except SolverError as error:
         raise SolverError("; ".join([str(error), *said])) from None
     said += [f"record {name}: it does not say where its waves go to (comment `# heading: 90`); X of the model's first "
@@ -193,24 +191,32 @@ def identify(model: "Model | ct.StateSpace", records: Record | Sequence[Record],
     return assemble(study, method, grid, replace(found, warnings=tuple(dict.fromkeys((*said, *found.warnings)))))
 
 
-def _answered(studies: Callable[[float], Iterator[Study]], method: str, prior: float,
+def _answered(study_of: Callable[[float, bool], Study], method: str, prior: float,
               wider: float = 3.0) -> tuple[Study, Findings]:
     """Return what a method finds under the most probable of some priors, of those that lead to an answer.
 
-    Linear damping that the model lacks has a rival: radiation that is `wider` times farther off than `prior` tells.
+    Where the force is known errors of K may be smooth or not, and linear damping that the model lacks has a rival:
+    radiation `wider` times farther off than `prior` tells.
     """
-    reached, errors = [], []
+    reached, errors, usual = list[tuple[Study, Findings]](), list[SolverError](), 0
     for size in (prior, min(wider * prior, 0.9)):
-        for study in studies(size):
+        for smooth in (True, False) if method == "prediction-error" else (True,):
             try:
+                study = study_of(size, smooth)
                 reached.append((study, METHODS[method](study)))
             except SolverError as error:
                 errors.append(error)
+        usual = usual or len(reached)
         if not any(found.damping for _, found in reached):
             break
     if not reached:
         raise errors[0]
-    return most_probable([study for study, _ in reached], [found for _, found in reached])
+    study, found = most_probable([study for study, _ in reached], [found for _, found in reached])
+    if all(study is not one for one, _ in reached[:usual]):
+        said = (f"the records contradict the prior of K, {prior:.0%}: one {wider:g} times as wide is more probable, "
+                "and in the answer")
+        found = replace(found, warnings=(*found.warnings, said))
+    return study, found
 
 
 def _asked(method: str, prior: float, points: Points | None, rules: Settings) -> tuple[str, Settings]:
