@@ -24,7 +24,7 @@ from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
 from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
-from radiation_ss.inference.scales import SignalScales, channels, interval_of, scales_of
+from radiation_ss.inference.scales import SignalScales, channels, interval_of, scales_of, straightened
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
 from radiation_ss.records.record import Record
@@ -137,6 +137,8 @@ class DualEnKF:
         smooth : bool
             Give the force by all of the record instead of by its past (not the paper's filter).
 
+        A known force is smooth between samples or, where the motion follows that better, straight: a warning says so.
+
         Raises
         ------
         InputError
@@ -155,10 +157,20 @@ class DualEnKF:
             raise InputError("smooth: only the default filter has a smoother; use preset=None")
         y = channels(record, self.model.dofs)
         out = self._advance(record.time, y)
+        straight = straightened(y[3 * self.model.n:]) if isinstance(engine, DefaultEngine) else None
+        if straight is not None:  # what the motion likes better, by 5 of the log likelihood
+            other = self.prepare(record)._advance(record.time, np.vstack([y[:3 * self.model.n], straight]))
+            if other.nis.sum() < out.nis.sum() - 10.0:
+                engine, out = self.engine, other
+            else:
+                self.engine, straight = engine, None
         if isinstance(engine, DefaultEngine):
             out.theta[-1], out.theta_std[-1] = engine.settle()
         force = self._smoothed(record.time, np.where(out.taken, y.T, np.nan), out.theta[-1]) if smooth else None
-        return self._estimate(record, out, int(np.isfinite(y).sum()), force)
+        said = () if straight is None else (
+            "the force columns are taken as straight between samples, as `ct.forced_response` takes them: the motion "
+            "follows that better than a smooth force",)
+        return self._estimate(record, out, int(np.isfinite(y).sum()), force, said)
 
     def settle(self) -> tuple[FloatArray, FloatArray]:
         """Learn again at once from all samples, some 65536 at most; return parameters and their standard deviations.
@@ -285,7 +297,8 @@ class DualEnKF:
         bank = bank_of(plants, force, scales.noise, P)
         return smoothed_force(run_bank(bank, time, taken, keep=True))
 
-    def _estimate(self, record: Record, out: Outcome, there: int, smoothed: Band | None) -> Estimate:
+    def _estimate(self, record: Record, out: Outcome, there: int, smoothed: Band | None,
+                  noted: tuple[str, ...]) -> Estimate:
         parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
         members, projected = engine.projected()
         rule = passivity(parts, self.omega, self.settings.point_noise)
@@ -302,7 +315,7 @@ class DualEnKF:
         prior_model = {"theta": parts.theta, "K": parts.K(parts.theta, self.omega),
                        "force": out.baseline.T if idle is None else idle.run(record).force.mean}
         taught = isinstance(engine, DefaultEngine) and engine.information.any()
-        said = (*doubts(self.model, record), *estimate.warnings_of(
+        said = (*doubts(self.model, record), *noted, *estimate.warnings_of(
             table, counts, record, self.model.dofs, self.points[0].size > 0, self.settings.preset),
             *(estimate.taken_as_exact(self.model, A) if taught else ()))
         return Estimate(self.model.dofs, record.time, force, table, members, out.nis, out.taken.sum(axis=1), counts,

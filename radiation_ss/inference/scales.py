@@ -55,6 +55,17 @@ def channels(record: Record, dofs: tuple[str, ...]) -> FloatArray:
     return np.vstack(rows)
 
 
+def straightened(force: FloatArray, least: float = 1e-3) -> FloatArray | None:
+    """Return the samples (n, nt) whose smooth path acts as one that is straight between those given.
+
+    That path has sinc^2(omega dt / 2), about 1 - (omega dt)^2 / 12, of each component. None where that changes the
+    samples by less than a share `least`.
+    """
+    bent = np.zeros_like(force)
+    bent[:, 1:-1] = np.nan_to_num(np.diff(force, 2, axis=1)) / 12.0
+    return force + bent if np.linalg.norm(bent) > least * np.linalg.norm(np.nan_to_num(force)) else None
+
+
 def scales_of(record: Record, model: Model, parts: Subsystems, noise: Mapping[str, float] | None = None,
               least: float = 1e-3) -> SignalScales:
     """Estimate the scales of a record.
