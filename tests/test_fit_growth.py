@@ -306,3 +306,25 @@ def test_no_resonance_is_invented_above_the_band(data, at_zero):
     fit = rss.fit_radiation(body, 8, at_zero=at_zero)
     above = np.abs(fit.frequency_response(np.linspace(1.0, 10.0, 20000) * body.omega[-1]))
     assert above.max() < np.abs(body.K).max() and fit.relative_error < 0.03
+
+
+@pytest.mark.parametrize("name", ["mss_tanker", "mss_fpso"])
+def test_a_joint_fit_is_the_same_at_any_scale_in_any_order_and_for_any_axes(data, name):
+    arrays, dofs = np.load(data / "bem" / f"{name}.npz"), ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")
+    known = arrays["w"] > 0.0
+    parts = arrays["A"][known], arrays["B"][known], arrays["Ainf"]
+
+    def fitted(order=range(6), signs=(1.0,) * 6, ratio=1.0):
+        order, turn = list(order), np.array(signs) * ratio ** np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+        A, B, A_inf = (part * np.outer(turn, turn) for part in parts)  # Froude's law, with the units below
+        A, B, A_inf = (part[..., order, :][..., order] for part in (ratio**3 * A, ratio**2.5 * B, ratio**3 * A_inf))
+        body = rss.HydroData(arrays["w"][known] / np.sqrt(ratio), A, B, A_inf, dofs=[dofs[k] for k in order])
+        K = rss.fit_radiation(body, 4, at_zero="zero").frequency_response(np.array([0.3, 0.5, 0.9]) / np.sqrt(ratio))
+        back = np.argsort(order)
+        return K[:, back][:, :, back] / (ratio**2.5 * np.outer(turn, turn))
+
+    first = fitted()
+    size = np.sqrt(np.abs(np.einsum("wii->wi", first)).max(axis=0))
+    flipped = fitted(signs=(1.0, -1.0, -1.0, 1.0, -1.0, -1.0))
+    for other in (fitted(order=(4, 2, 0, 5, 3, 1)), flipped, fitted(ratio=0.02)):
+        assert_allclose(other / np.outer(size, size), first / np.outer(size, size), atol=1e-7)

@@ -117,8 +117,9 @@ def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
     own = [_spikes(data.omega, K[:, i, i]) for i in range(data.n)]
     found = []
     for i, j in combinations_with_replacement(range(data.n), 2):
-        apart = own[i] if i == j else _spikes(data.omega, K[:, i, j])
+        apart = own[i]
         if i != j:
+            apart = np.maximum(*(_spikes(data.omega, entry) for entry in (K[:, i, j], K[:, j, i])))
             apart = apart * ((own[i] + own[j] > 0.0) | (np.abs(K[:, i, j] - K[:, j, i]) > 0.5 * apart))
         found += [Suspect("spike", data.dofs[i], data.dofs[j], float(data.omega[k]), float(apart[k]))
                   for k in np.flatnonzero(apart)]

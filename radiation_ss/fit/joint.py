@@ -19,8 +19,17 @@ from scipy.linalg import block_diag
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
 from radiation_ss.fit.port import Port, Start, beside, grown, port_of
-from radiation_ss.fit.problem import Problem, check_size, independent, symmetric_parts
-from radiation_ss.fit.program import finish, minimise, misfit_of, on_points, quasi_newton, too_narrow, toward_points
+from radiation_ss.fit.problem import Problem, check_size, independent, own_order, symmetric_parts
+from radiation_ss.fit.program import (
+    bounded,
+    finish,
+    minimise,
+    misfit_of,
+    on_points,
+    quasi_newton,
+    too_narrow,
+    toward_points,
+)
 from radiation_ss.fit.rational import frequency_response, response_of
 from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
 
@@ -45,14 +54,17 @@ class Search:
 
 def fit_joint(problem: Problem, order: int, search: Search) -> tuple[FloatArray, FloatArray, FloatArray, str]:
     """Return (A, B, C, how it was solved) of the best reciprocal model, `order` states a motion; C = B^T if passive."""
-    parts = symmetric_parts(problem)
+    motions, signs = own_order(problem)
+    problem = problem.turned(motions, signs)
+    parts = symmetric_parts(problem.rounded())
+    parts = [(problem if len(parts) == 1 else problem.along(V), V) for _, V in parts]
     if len(parts) == 1:
         a, b, how = _fit_part(problem, order, search)
     else:
         found = [_fit_part(part, order, replace(search, known={})) for part, _ in parts]
         a, b = block_diag(*[f[0] for f in found]), np.vstack([f[1] @ V.T for f, (_, V) in zip(found, parts)])
         how = f"{len(parts)} parts that symmetry decouples: " + "; ".join(dict.fromkeys(f[2] for f in found))
-    b = np.sqrt(problem.rate) * b * problem.scale
+    b = (np.sqrt(problem.rate) * b * problem.scale * signs)[:, np.argsort(motions)]
     return problem.rate * a, b, b.T, how
 
 
@@ -61,10 +73,10 @@ def order_of(problem: Problem, states: int) -> int:
     return -(-states // sum(independent(part) for part, _ in symmetric_parts(problem)))
 
 
-def _fit_part(problem: Problem, order: int, search: Search, worse: float = 1.5) -> Realised:
+def _fit_part(problem: Problem, order: int, search: Search, worse: float = 1.5, share: float = 0.03) -> Realised:
     """Return the fit; of samples continued above the band where it has a resonance there and that costs little error.
 
-    At most a factor `worse` within the band: more is asked for by the data, whose A_inf may be off.
+    At most a factor `worse` within the band, and a `share` of K: more is asked for by the data, whose A_inf may be off.
     """
     found = _fit_samples(problem, order, search)
     at = _invented(problem, found)
@@ -73,7 +85,7 @@ def _fit_part(problem: Problem, order: int, search: Search, worse: float = 1.5) 
     other = _fit_samples(problem.continued(), order, replace(search, known={}))
     error, new = (np.sqrt(problem.misfit(_upper(model, problem.x))) for model in (found, other))
     where = f"a resonance at {', '.join(f'{x * problem.rate:.3g}' for x in at)} rad/s, above the band"
-    if new > worse * error:
+    if new > min(worse * error, error + share * problem.norm):
         return *found[:2], f"{found[2]}; the data ask for {where}: is A_inf theirs (data.check())?"
     return *other[:2], f"{other[2]}; without {where}"
 
@@ -104,16 +116,17 @@ def _fit_samples(problem: Problem, order: int, search: Search) -> Realised:
     large = form.size > search.largest and search.passive and not problem.x_points.size
     least = 2 if problem.zero or (large and order > 1) else 1
     least = order if large and form.size > search.grown else least
-    form, theta = _grown_up(problem.without_points(), range(least, order + 1), motions, search, large)
+    seen, orders = problem.rounded() if problem.narrowest else problem, range(least, order + 1)
+    form, theta = _grown_up(seen.without_points(), orders, motions, search, large)
     if large:
         narrow = too_narrow(form, problem, theta)[0].size
         return *form.realise(theta), ("modes of the damping, then L-BFGS"
                                       + f", {narrow} poles narrower than the frequencies resolve" * bool(narrow))
     starts = [(form, theta)]
     if _too_fast(form, theta, problem):  # fewer states may do better within the band
-        starts.append(_grown_up(problem.without_points(), range(least, order + 1), motions, search, large, slow=True))
+        starts.append(_grown_up(seen.without_points(), orders, motions, search, large, slow=True))
     if problem.x_points.size:  # the points, as samples of large weight, may lead elsewhere
-        starts.append(_grown_up(problem, range(least, order + 1), motions, replace(search, known={}), large))
+        starts.append(_grown_up(seen, orders, motions, replace(search, known={}), large))
     form, theta, how = _finished(starts, problem)
     if not search.passive:  # the passive model is one of the free ones
         starts = [form.released(theta), *(_released(*start, problem.thinned()) for start in [*starts, (form, theta)])]
@@ -157,6 +170,15 @@ def _slowed(form: Port, theta: FloatArray, problem: Problem) -> FloatArray:
         e1, e2, G, W = form.unpack(new)
         new = form.pack(e1, e2, G, W * np.divide(kept, lost, out=np.ones_like(kept), where=lost > 0.0)[:, None])
     return new
+
+
+def _within_bounds(form: Port, theta: FloatArray, problem: Problem) -> list[Start]:
+    """Return a start as it is; without poles far beyond the band, by descents from there and from beyond, if it has."""
+    if not _too_fast(form, theta, problem):
+        return [(form, theta)]
+    near = _slowed(form, theta, problem)
+    runs = [minimise(bounded(form, problem), start, 150)[0] for start in (near, theta)]
+    return [(form, _slowed(form, run, problem)) for run in (near, *runs)]
 
 
 def _grown_up(problem: Problem, orders: range, motions: int, search: Search, large: bool, slow: bool = False) -> Start:
@@ -223,7 +245,7 @@ def _finished(starts: list[Start], problem: Problem, met: float = 1e-9) -> tuple
                 for form, theta in starts for spread in (0.0, 0.1, 0.3)]
         near = [(form, on_points(form, thin, toward_points(form, thin, theta))) for form, theta in near]
         starts = sorted([*near, *starts], key=lambda start: cost(*start))[:2]
-    starts = [(form, _slowed(form, theta, problem)) for form, theta in starts]
+    starts = [start for form, theta in starts for start in _within_bounds(form, theta, dense)]
     runs = [(form, theta, *finish(form, dense, theta)) for form, theta in starts]
     form, theta, found, status = min(runs, key=lambda run: min(cost(run[0], run[1]), cost(run[0], run[2])))
     before, new = cost(form, theta), cost(form, found)

@@ -65,6 +65,22 @@ class Problem:
         full[:, i, j] = full[:, j, i] = upper
         return full
 
+    def rounded(self, digits: int = 9) -> "Problem":
+        """Return the problem of samples rounded, which are the same whatever the scale of the body."""
+        return replace(self, x=self.x.round(digits + 3), K=self.K.round(digits), weight=self.weight.round(digits),
+                       K_points=self.K_points.round(digits), narrowest=round(self.narrowest, digits + 3))
+
+    def turned(self, order: NDArray[np.intp], signs: FloatArray) -> "Problem":
+        """Return the problem of the motions in another order, each with a sign."""
+        i, j = np.triu_indices(self.m)
+
+        def moved(upper: NDArray, sign: NDArray) -> NDArray:
+            return np.asarray((self.whole(upper)[:, order][:, :, order] * sign)[:, i, j])
+
+        signed, even = np.outer(signs, signs), np.ones((self.m, self.m))
+        return replace(self, dofs=tuple(self.dofs[k] for k in order), scale=self.scale[order], K=moved(self.K, signed),
+                       K_points=moved(self.K_points, signed), weight=moved(self.weight, even))
+
     def continued(self, growth: float = 0.2) -> "Problem":
         """Return the problem with what is expected above the band, up to ten times it: together as one more sample.
 
@@ -118,6 +134,21 @@ def independent(problem: Problem, least: float = 0.1) -> int:
     """Return how many combinations of motions have a K of `least` of the largest: of a sphere's surge and pitch one."""
     sizes = np.linalg.svd(problem.whole(problem.K).reshape(-1, problem.m), compute_uv=False)
     return int(np.sum(sizes > least * sizes[0]))
+
+
+def own_order(problem: Problem, digits: int = 9) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return an order and signs of the motions that are theirs whatever they are called and however axes point.
+
+    Ascending means of |K_ii|; each sign makes the largest coupling with those before it, on average, positive.
+    """
+    mean = problem.whole(problem.K).mean(axis=0)
+    order = np.argsort(np.abs(np.diag(mean)).round(digits), kind="stable")
+    mean, signs = mean[np.ix_(order, order)], np.ones(problem.m)
+    for k in range(1, problem.m):
+        at = int(np.argmax(np.abs(mean[k, :k]).round(digits)))
+        part = mean[k, at].real if abs(mean[k, at].real) > abs(mean[k, at].imag) else mean[k, at].imag
+        signs[k] = signs[at] * (1.0 if part >= 0.0 else -1.0)
+    return order, signs
 
 
 def interpolated(x: FloatArray, K: ComplexArray, at: FloatArray, i: NDArray, j: NDArray) -> ComplexArray:
@@ -216,7 +247,7 @@ def block_problem(data: HydroData, block: list[int], *, at_zero: str | float | A
         x_points = np.r_[0.0, x_points]
         K_points = np.vstack([_value_at_zero(at_zero, data, square)[i, j] / pairs, K_points])
     # The mean spacing of the frequencies, weighted by |K|^2: how finely the curve is sampled.
-    power = np.sum(np.abs(samples / size) ** 2, axis=(1, 2))
+    power = np.sum(np.abs(K) ** 2 * np.where(i == j, 1.0, 2.0), axis=1)
     spacing = float(np.sum(np.gradient(data.omega) * power) / np.sum(power))
     return Problem(tuple(data.dofs[i] for i in block), data.omega / rate, K, weights, rate, scale,
                    x_points, K_points, isinstance(at_zero, str) and at_zero == "zero", resolved * spacing / rate)

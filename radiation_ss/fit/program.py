@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.port import Port
 from radiation_ss.fit.problem import Problem
 
@@ -50,6 +50,19 @@ def misfit_of(port: Port, problem: Problem, heavy: float = 3.0) -> Residual:
             return np.vstack([J.reshape(2 * r.size, -1), slope])
 
         return np.concatenate([r.real, r.imag, short]), jacobian
+
+    return residual
+
+
+def bounded(port: Port, problem: Problem, heavy: float = 10.0) -> Residual:
+    """Return `misfit_of` and by how much losses and couplings exceed their bounds, which weighs `heavy`."""
+    misfit, largest = misfit_of(port, problem, heavy), port.largest(problem.fastest)
+
+    def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
+        r, jacobian = misfit(theta)
+        gain = np.where(np.abs(theta) > largest, heavy * problem.norm / largest, 0.0)
+        over = gain * (np.abs(theta) - np.minimum(largest, np.abs(theta)))
+        return np.r_[r, over], lambda: np.vstack([jacobian(), np.diag(gain * np.sign(theta))])
 
     return residual
 
@@ -164,22 +177,9 @@ def toward_points(port: Port, problem: Problem, theta: FloatArray, rounds: int =
     Optimization, 283).
     """
     largest, wanted = port.largest(problem.fastest), problem.K_points
-    theta = np.clip(theta, -largest, largest)
-
-    def bounded(target: ComplexArray) -> Residual:
-        misfit = misfit_of(port, replace(problem, K_points=target), heavy)
-
-        def residual(theta: FloatArray) -> tuple[FloatArray, Callable[[], FloatArray]]:
-            r, jacobian = misfit(theta)
-            gain = np.where(np.abs(theta) > largest, heavy * problem.norm / largest, 0.0)
-            over = gain * (np.abs(theta) - np.minimum(largest, np.abs(theta)))
-            return np.r_[r, over], lambda: np.vstack([jacobian(), np.diag(gain * np.sign(theta))])
-
-        return residual
-
-    target = wanted
+    theta, target = np.clip(theta, -largest, largest), wanted
     for _ in range(rounds):
-        theta = minimise(bounded(target), theta, 40)[0]
+        theta = minimise(bounded(port, replace(problem, K_points=target), heavy), theta, 40)[0]
         missed = wanted - port.states_of(theta, problem.x_points)[0]
         if np.abs(missed).max() < 1e-6:
             break
