@@ -159,7 +159,8 @@ class DualEnKF:
         out = self._advance(record.time, y)
         straight = straightened(y[3 * self.model.n:]) if isinstance(engine, DefaultEngine) else None
         if straight is not None:  # what the motion likes better, by 5 of the log likelihood
-            other = self.prepare(record)._advance(record.time, np.vstack([y[:3 * self.model.n], straight]))
+            self._start(self._running("run")[1], self.interval)
+            other = self._advance(record.time, np.vstack([y[:3 * self.model.n], straight]))
             if other.nis.sum() < out.nis.sum() - 10.0:
                 engine, out = self.engine, other
             else:
