@@ -236,10 +236,11 @@ def forces() -> list[Effect]:
                summary="second-order mean force of a free body, against that of the held one: -c (v^2 - x a)"),
         Effect("tank_resonance",
                {"coupling": P("F/(X/s^2)", 1, lambda s: 0.1 * s.force / s.a),
-                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances, lower=lambda s: 0.3 * s.omega,
+                "frequency": P("rad/s", 1, lambda s: 0.3 * s.omega, resonances,
+                               lower=lambda s: 0.3 * min(s.omega, s.natural or s.omega),
                                upper=lambda s: 3.0 * max(s.omega, s.natural)),
                 "damping_ratio": P("1", 1, 0.01, lambda s: (0.02, 0.06), lower=0.004, upper=0.1),
-                "rigid": P("1", 1, 0.5, lambda s: (0.5,), lower=0.0, upper=1.0)},
+                "rigid": P("1", 1, 0.5, lambda s: (1.0,), lower=0.0, upper=1.0)},
                lambda s, p: p.coupling * (p.frequency**2 * s.z[0] + 2 * p.damping_ratio * p.frequency * s.z[1]
                                           + p.rigid * s.a),
                rates=lambda s, p: [s.z[1], -p.frequency**2 * s.z[0] - 2 * p.damping_ratio * p.frequency * s.z[1] - s.a],

@@ -13,7 +13,7 @@ from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.effect_features import features, features_of
+from radiation_ss.inference.effect_features import Feature, features, features_of, ringing
 from radiation_ss.inference.linear_model import Columns, Posterior, joined
 from radiation_ss.inference.problem import EquationError, Filling
 from radiation_ss.inference.stored import ByRecord, Shelf
@@ -28,7 +28,9 @@ class Term:
     """An effect on a place with one start of its shape."""
 
     active: Active  # With strengths 0; a clock's are those about which it is linear
-    columns: Columns  # One for each strength; one for each strength and record where every record has its own
+    # One for each strength; one for each strength and record where every record has its own; behind them what own
+    # states make that are not at rest at a record's start
+    columns: Columns
     shapes: int = 1  # Number of starts, as rare as its own, that it was chosen from
     start: Active | None = None  # The one that a refined shape comes from: the middle of its prior
     volume: float = 0.0  # Log prior mass of a refined shape, of that about its start
@@ -186,7 +188,25 @@ def term_columns(problem: EquationError, active: Active, slabs: dict[str, Slab])
         return None
     merged = joined([by_records(problem, part) if effect.per_record else part for part in parts])
     merged = merged if effect.per_record else replace(merged, values=np.asarray(merged.values))
-    return merged if np.sqrt(seen_in(problem, merged)).max(initial=0.0) > 0.1 else None
+    if not np.sqrt(seen_in(problem, merged)).max(initial=0.0) > 0.1:
+        return None
+    rings = off_rest(problem, active, slabs)
+    return joined([merged, *rings]) if rings else merged
+
+
+def off_rest(problem: EquationError, active: Active, slabs: dict[str, Slab]) -> list[Columns]:
+    """Return what the own states of a linear effect make that nobody knows at a record's start, for each record."""
+    effect, symbols = active.effect, problem.symbols(active)
+    strengths = [name for name, p in effect.parameters.items() if p.strength]
+    if effect.unrest is None or not effect.linear or len(strengths) != 1:
+        return []
+    sizes = effect.unrest(scales_at(problem, active.dof, active.other))
+    made = [Filling(problem, linear=True) for _ in sizes]
+    for r, run in enumerate(problem.runs):
+        for filling, force in zip(made, ringing(symbols, active, run, np.array(sizes) * run.under_way())):
+            none = np.zeros((run.omega_fine.size, *[problem.model.n] * 2), dtype=complex)
+            filling.add(r, Feature(force, 0.0 * force, none, none, 0.0 * force))
+    return [by_records(problem, filling.columns(slabs[strengths[0]].sd or 1.0)) for filling in made]
 
 
 def with_numbers(problem: EquationError, term: Term, numbers: Mapping[str, float]) -> Term | None:
@@ -207,7 +227,7 @@ def seen_in(problem: EquationError, columns: Columns) -> FloatArray:
 
 def unseen_strengths(problem: EquationError, term: Term) -> set[str]:
     """Return the strengths that make nothing in any row: of a motion that only ever is at rest beside the others."""
-    if term.active.effect.per_record or len(term.strengths) != term.columns.count:
+    if term.active.effect.per_record:
         return set()
     return {name for name, seen in zip(term.strengths, seen_in(problem, term.columns)) if not seen > 0.0}
 
@@ -297,6 +317,7 @@ def from_regression(problem: EquationError, candidate: Candidate, tolerance: dic
             values[name] = float(max(mean[at], term.columns.lower[at - first]))
             deviations[name] = float(std[at]) if next(acts) else 0.0
             at += width
+        at = first + term.columns.count
         effects.append(replace(term.active, values=values))
         spread.append(tuple(deviations.values()))
     return FittedSet(nominal, tuple(effects), tuple(std[: len(own)].tolist()), tuple(spread))

@@ -101,6 +101,17 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
     return found
 
 
+def ringing(symbols: "Symbols", active: Active, run: MeasuredMotion, sizes: FloatArray) -> Iterator[FloatArray]:
+    """Yield the force (n, nt) by each own state that is off rest by its size at first, at a strength of one."""
+    values = np.array([1.0 if p.strength else v for v, p in zip(active.vector, active.effect.parameters.values())])
+    (strength,) = (k for k, p in enumerate(active.effect.parameters.values()) if p.strength)
+    rows = [np.zeros(run.time.size)] * symbols.given.numel()
+    for begins in np.diag(sizes):
+        z, force = symbols.own_states(rows, values, run.steps[symbols.places[0]], begins), np.zeros_like(run.x)
+        force[symbols.targets] = symbols.along(rows, strength, values, z)
+        yield force
+
+
 def secant(time: FloatArray, values: FloatArray, shift: FloatArray) -> FloatArray:
     """Return the change of signals (..., nt) over a shift of time (nt,), for each second; where it is none, slope."""
     spline = CubicSpline(time, values, axis=-1)
@@ -198,20 +209,28 @@ class Symbols:
         """Return the force by one strength, shape (targets, nt), and its mean response, shape (nw, targets, n)."""
         effect = self.active.effect
         z = self.own_states(rows, at_one, steps) if effect.states else np.zeros((0, rows[0].size))
+        if omega.size == 0:
+            none = np.zeros((0, len(self.targets), self.model.n), dtype=complex)
+            return self.along(rows, strength, values, z), none
 
         def wanted() -> list[Any]:
-            listed = ca.vertcat(*[value for _, value in self.action.forces])
-            by = ca.densify(ca.jacobian(listed, self.p)[:, strength])
+            by = self.by_strength(strength)
             return [by, ca.jacobian(by, self.moving), ca.jacobian(by, self.z)]
 
-        if omega.size == 0:
-            (value,) = self.mapped(("force alone", strength), lambda: wanted()[:1], rows, z, values)
-            return value.column_zero(), np.zeros((0, len(self.targets), self.model.n), dtype=complex)
         value, slope, slope_z = self.mapped(("force", strength), wanted, rows, z, values)
         response = self.following(slope, omega)
         if effect.states:
             response = response + slope_z.mean() @ self.state_response(rows, z, at_one, omega)
         return value.column_zero(), response
+
+    def by_strength(self, strength: int) -> ca.SX:
+        """Return the forces' derivatives by one strength."""
+        return ca.densify(ca.jacobian(ca.vertcat(*[value for _, value in self.action.forces]), self.p)[:, strength])
+
+    def along(self, rows: Series, strength: int, values: FloatArray, z: FloatArray) -> FloatArray:
+        """Return the force by one strength, shape (targets, nt), for signals and own states."""
+        (value,) = self.mapped(("force alone", strength), lambda: [self.by_strength(strength)], rows, z, values)
+        return value.column_zero()
 
     def state_response(self, rows: Series, z: FloatArray, p: FloatArray, omega: FloatArray) -> ComplexArray:
         """Return the mean response of the effect's own states to displacements, shape (nw, states, n)."""
@@ -257,15 +276,16 @@ class Symbols:
         return [Along(found[i:j], np.array(at[0], int), np.array(at[1], int), pattern.shape)
                 for i, j, at, pattern in zip(ends[:-1], ends[1:], places, patterns)]
 
-    def own_states(self, rows: Series, p: FloatArray, steps: FloatArray) -> FloatArray:
+    def own_states(self, rows: Series, p: FloatArray, steps: FloatArray,
+                   begins: FloatArray | None = None) -> FloatArray:
         """Return the effect's own states from rest, shape (states, nt): with linear rates exact for lines between
-        samples, else by the classical Runge-Kutta method.
+        samples, else by the classical Runge-Kutta method. With linear rates they may begin otherwise.
         """
         if self.slopes is not None and np.ptp(steps) <= 1e-9 * steps.max():
             own, by_signals = np.split(np.asarray(self.slopes(p)), [self.z.numel()], axis=1)
             used = np.flatnonzero(np.any(by_signals, axis=0)).tolist()
             seen, step = np.stack([rows[k] for k in used], axis=1), exact_step(own, by_signals[:, used], steps[0])
-            return np.ascontiguousarray(propagate(step, seen, np.zeros(len(own))).T)
+            return np.ascontiguousarray(propagate(step, seen, np.zeros(len(own)) if begins is None else begins).T)
         fastest = np.abs(np.linalg.eigvals(self.slope(0.0, 0.0, p).full())).max()
         parts = int(np.clip(np.ceil(fastest * steps.max()), 1, 32))  # Runge and Kutta's method is stable to 2.8
         if ("step", parts) not in self._functions:

@@ -73,7 +73,7 @@ class Base:
             _, strengths, moved = results[at]
             start = self.theories[at].moved_by(strengths[j], moved[:, j * k:(j + 1) * k])
             yield Neighbour(float(value[at, j]), (*self.terms, terms[j]), start, terms[j],
-                            strengths[j] * terms[j].columns.spread)
+                            strengths[j] * terms[j].columns.spread[:k])
 
 
 def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Neighbour]:
@@ -100,19 +100,19 @@ def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Ter
     """Yield what the terms add to the readings of a fit, those of as many strengths together."""
     symbols = trial.problem.symbols
     runs, kernels = simulated(trial, q), linear_theory(trial, q)
-    for some in alike([t.columns.count for t in terms], LARGEST // max(run.time.size for run in runs)):
-        k = terms[some[0]].columns.count
+    for some in alike([len(t.strengths) for t in terms], LARGEST // max(run.time.size for run in runs)):
+        k = len(terms[some[0]].strengths)
         slope, information = np.zeros(len(some) * k), np.zeros((len(some), k, k))
         cross = np.zeros((q.size, len(some) * k))
         made = [features_of(symbols(terms[i].active), terms[i].active, runs, responses=False) for i in some]
         for r, (kernel, (J, at)) in enumerate(zip(kernels, now.parts)):
             X = np.stack([spread * trial.weighted(r, kernel.respond(feature.force) + feature.reading)
                           for i, of_records in zip(some, made)
-                          for feature, spread in zip(next(of_records), terms[i].columns.spread)], axis=1)
+                          for feature, spread in zip(next(of_records), terms[i].columns.spread[:k])], axis=1)
             slope += X.T @ now.errors[r]
             information += products(X, X, k)
             cross[at] += J.T @ X
-        lower = np.stack([terms[i].columns.lower / terms[i].columns.spread for i in some])
+        lower = np.stack([(terms[i].columns.lower / terms[i].columns.spread)[:k] for i in some])
         yield Added(Score(tuple(some), slope.reshape(-1, k), information), cross, lower)
 
 

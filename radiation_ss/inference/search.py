@@ -253,7 +253,7 @@ def with_strengths(problem: EquationError, terms: Sequence[Term], unknowns: Floa
     """Return the terms with the strengths that are found, those that have one for all records."""
     found, at = [], problem.base.count
     for term in terms:
-        names = term.strengths if term.columns.count == len(term.strengths) else []
+        names = [] if term.active.effect.per_record else term.strengths
         values = {**term.active.values, **dict(zip(names, unknowns[at:].tolist()))}
         found.append(replace(term, active=replace(term.active, values=values)))
         at += term.columns.count
