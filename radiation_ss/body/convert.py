@@ -19,8 +19,9 @@ from scipy.linalg import null_space
 
 from radiation_ss.arrays import FloatArray, listed, read_only
 from radiation_ss.atomic import write_whole
-from radiation_ss.body.dynamics import Matrices, check_fit, continuous, from_hydro, natural_modes
+from radiation_ss.body.dynamics import check_fit, from_hydro, natural_modes
 from radiation_ss.body.model import Model
+from radiation_ss.body.time_step import Matrices, continuous
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.files import from_dict, read_fit, to_dict
 from radiation_ss.fit.result import RadiationFit

@@ -8,8 +8,8 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray, generator, positive
 from radiation_ss.body.composite import cummins
 from radiation_ss.body.convert import opened
-from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
+from radiation_ss.body.time_step import Matrices
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import frequency_response, impulse_response
 from radiation_ss.fit.result import RadiationFit

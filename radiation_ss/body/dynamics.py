@@ -1,19 +1,16 @@
-"""Dynamics of a linear body: natural modes; the model of a file's data; exact steps, and back; the text."""
+"""Dynamics of a linear body: impedance and natural modes, its text; the model of a file's data."""
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import expm, logm
 from scipy.optimize import linear_sum_assignment
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.body.motion_fit import fit_for_motion
-from radiation_ss.errors import InputError, InputWarning
+from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import RIGID, HydroData, force_unit, mode, motion_unit
 from radiation_ss.hydro.measures import (
@@ -24,88 +21,12 @@ from radiation_ss.hydro.measures import (
     unstable_text,
 )
 
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
 
 def impedance(model: Model, omega: FloatArray) -> ComplexArray:
     """Return Z(iw), force over displacement, shape (nw, n, n)."""
     w = omega[:, None, None]
     K = model.fit.frequency_response(omega)
     return np.asarray(model.C - w**2 * (model.M + model.A_inf) + 1j * w * (K + model.D))
-
-
-def hold_matrices(a: FloatArray, b: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (F, held, after) of the exact step x_(k+1) = F x_k + (held - after) u_k + after u_(k+1), u linear between.
-
-    `held` alone is the step for an input held constant. From one matrix exponential (Van Loan 1978). `a`, `b`
-    (..., N, N), (..., N, n_in). `dt`: time step [s].
-    """
-    N, n = b.shape[-2:]
-    block = np.zeros((*b.shape[:-2], N + 2 * n, N + 2 * n))
-    block[..., :N, :N], block[..., :N, N:N + n] = a * dt, b * dt
-    block[..., N:N + n, N + n:] = np.eye(n)
-    whole = expm(block)[..., :N, :]
-    return whole[..., :N], whole[..., N:N + n], whole[..., N + n:]
-
-
-def continuous(system: Matrices, dt: float, rows: tuple[Sequence[int], Sequence[int]], name: str,
-               tolerance: float = 1e-6) -> Matrices:
-    """Return the continuous system behind a sampled one, by whichever method of python-control made it.
-
-    Only by the right one are the outputs in the second of `rows`, velocities, the rates of those in the first,
-    displacements, to a relative `tolerance`. InputError if none fits.
-    """
-    x, v = rows
-    found = {method: undo(system, dt) for method, undo in UNDO.items()}
-
-    def off(matrices: Matrices) -> float:
-        F, G, H, J = matrices
-        if not all(np.isfinite(part).all() for part in matrices):
-            return np.inf
-        size = [np.abs(part).max() + 1e-300 for part in (H[v], H[v] @ G, np.abs(H[x]).max() * G)]
-        parts = (H[x] @ F - H[v], J[v], H[x] @ G)
-        return max(float(np.abs(part).max() / one) for part, one in zip(parts, size))
-
-    best = min(found.values(), key=off)
-    if not off(best) < tolerance:
-        raise InputError(f"{name}: sampled at dt = {dt:g} s, but by none of {', '.join(found)} are its velocities the "
-                         "rates of its displacements; give the continuous system")
-    F, G, H, J = best
-    return F, G, H, np.where(np.abs(J) > tolerance * np.abs(J).max(), J, 0.0)
-
-
-def _undo_weighted(system: Matrices, dt: float, weight: float) -> Matrices:
-    """Undo a method that takes the rate at the end of a step with this weight, at its beginning with the rest."""
-    A, B, C, D = system
-    one = np.eye(len(A))
-    with np.errstate(all="ignore"):
-        try:
-            a = np.asarray(np.linalg.solve((weight * A + (1.0 - weight) * one).T, (A - one).T).T / dt)
-        except np.linalg.LinAlgError:
-            a = np.full_like(A, np.nan)
-    left = one - weight * dt * a
-    b, c = left @ B / dt, C @ left
-    return a, b, c, D - weight * c @ B
-
-
-def _undo_hold(system: Matrices, dt: float, linear: bool) -> Matrices:
-    """Undo an input that is held, or linear, between samples."""
-    A, B, C, D = system
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its accuracy is judged by what comes out
-        a = np.asarray(np.real(logm(A)) / dt, dtype=np.float64)
-    if not np.isfinite(a).all():
-        return a, B, C, D
-    _, held, after = hold_matrices(a, np.eye(len(A)), dt)
-    after = linear * after
-    b = np.asarray(np.linalg.solve(held - after + A @ after, B))
-    return a, b, C, D - C @ after @ b
-
-
-UNDO: dict[str, Callable[[Matrices, float], Matrices]] = {
-    "zoh": partial(_undo_hold, linear=False), "foh": partial(_undo_hold, linear=True),
-    "tustin": partial(_undo_weighted, weight=0.5), "euler": partial(_undo_weighted, weight=0.0),
-    "backward_diff": partial(_undo_weighted, weight=1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,3 +151,95 @@ def check_fit(fit: RadiationFit, data: HydroData, usual: float = 0.1, change: fl
                          "these coefficients")
     if off > max(2.0 * stated, stated + change) or dense:
         warnings.warn(InputWarning(f"{said}; is it of this body?"), stacklevel=4)
+
+
+def fit_for_motion(data: HydroData, order: int | None, accuracy: float | None, options: dict[str, object],
+                   least: float = 0.02, wrong: float = 0.2, dearest: float = 1.5) -> RadiationFit:
+    """Return a fit of data with M, C and A_inf.
+
+    With `accuracy` (and no order) the order is raised up to 8 until the relative error is below it. What is small
+    beside the largest K may be large for a slow motion, so the fit is made again, unless that costs `dearest` times
+    the relative error: with K(0) = 0 where it damps a motion at its natural frequency more than the file does (moored,
+    or without stiffness: a mooring holds such a motion far below the waves), and exact at natural frequencies where it
+    misses more than the share `least` of the inertia's impedance, or `wrong` of the damping, which bounds resonance.
+    """
+    from radiation_ss.fit.radiation import fit_radiation
+
+    def tried(options: dict[str, object], order: int | None) -> tuple[RadiationFit, list[warnings.WarningMessage]]:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            return fit_radiation(data, order, **options), said  # type: ignore[arg-type]
+
+    def best(options: dict[str, object], orders: tuple[int | None, ...], enough: float | None) -> RadiationFit:
+        """Return the closest fit; only what was said of that one is said."""
+        fit, said = tried(options, orders[0])
+        for finer in orders[1:]:
+            if enough is None or (fit.relative_error or 0.0) <= enough:
+                break
+            if finer is not None and finer > fit.order:
+                fit, said = min((fit, said), tried(options, finer), key=lambda one: one[0].relative_error or 0.0)
+        for warning in said:
+            warnings.warn(warning.message, stacklevel=4)
+        return fit
+
+    def ways() -> Iterator[tuple[dict[str, object], tuple[int | None, ...], str]]:
+        """Yield how the fit that there is should be made again: options, orders, a note."""
+        if "at_zero" not in options and (loose := damped_at_rest(data, fit)):
+            yield ({"at_zero": "zero"}, (fit.order,), f"K(0) = 0: the closest fit damps {', '.join(loose)} more at the "
+                   "natural frequency, at rest without stiffness, than the file does")
+        if options.get("points") is None and (missed := missed_swings(data, fit, least, wrong)):
+            where = ", ".join(f"{omega:.3g}" for omega in missed)
+            yield ({"points": missed}, orders if order is not None else (fit.order, 8), "made exact at the natural "
+                   f"frequency, {where} rad/s: the closest fit misses more than {least:.0%} of what the motion feels "
+                   f"there, or {wrong:.0%} of its damping")
+
+    orders = (order,) if order is not None else (None, 4, 6, 8)
+    fit, said = best(options, orders, accuracy), list[str]()
+    for changed, finer, note in ways():
+        most = max(dearest * (fit.relative_error or 0.0), least)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", InputWarning)  # what it costs elsewhere is weighed here
+                exact = best({**options, **changed}, finer, most)
+        except (InputError, SolverError):
+            continue
+        if exact.relative_error <= most:
+            options, said = {**options, **changed}, [*said, note]
+            fit = replace(exact, notes=(*exact.notes, *said))
+    return fit
+
+
+def damped_at_rest(data: HydroData, fit: RadiationFit, least: float = 1e-3) -> list[str]:
+    """Return the motions that a fit damps more than the file does at their natural frequency.
+
+    That of one without stiffness is zero. Below the file's frequencies its first one counts. Within them the fit damps
+    twice as much, and by a share `least` of the inertia's impedance more: a damping ratio of half of that.
+    """
+    assert data.M is not None and data.C is not None
+    stiffness, inertia = np.diag(data.C), np.diag(data.M + data.A[0])
+    omega = np.sqrt(np.maximum(stiffness, 0.0) / inertia)
+    damping = np.einsum("jjj->j", fit.frequency_response(omega).real)
+    told = np.maximum([np.interp(w, data.omega, data.B[:, i, i]) for i, w in enumerate(omega)], 0.0)
+    most = np.where(omega < data.omega[0], told, 2.0 * told + least * omega * inertia)
+    return [dof for i, dof in enumerate(data.dofs) if stiffness[i] >= 0.0 and damping[i] > most[i]]
+
+
+def missed_swings(data: HydroData, fit: RadiationFit, least: float, wrong: float) -> list[float]:
+    """Return the natural frequencies [rad/s] at which a motion of its own feels another impedance than the file's.
+
+    The natural frequency is the first within the file's beyond which the inertia outweighs the stiffness; a motion
+    without stiffness has none. The file's is interpolated.
+    """
+    assert data.M is not None and data.C is not None
+    found = set()
+    for i in range(data.n):
+        over = data.omega**2 * (data.M[i, i] + data.A[:, i, i]) - data.C[i, i]
+        beyond = np.flatnonzero(over > 0.0)
+        if data.C[i, i] > 0.0 and beyond.size:
+            near = slice(max(beyond[0] - 1, 0), beyond[0] + 1)
+            omega = float(np.interp(0.0, over[near], data.omega[near]))
+            K = np.interp(omega, data.omega, data.K[:, i, i])
+            off = fit.frequency_response(np.array([omega]))[0, i, i] - K
+            if abs(off) > least * data.C[i, i] / omega or abs(off.real) > wrong * K.real > 0.0:
+                found.add(omega)
+    return sorted(found)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, matrix_balance, solve_continuous_are, solve_triangular
 
 from radiation_ss.arrays import FloatArray, read_only
-from radiation_ss.body.dynamics import UNDO, Matrices
+from radiation_ss.body.time_step import UNDO, Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.rational import frequency_response
 

@@ -10,8 +10,8 @@ from scipy.linalg import expm
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import ModelLike, as_model, in_cummins_coordinates
-from radiation_ss.body.dynamics import Matrices
 from radiation_ss.body.model import Model
+from radiation_ss.body.time_step import Matrices
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.estimate import Band, Tabled
 from radiation_ss.filter.settings import ForceModel

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model, equation_of_motion
+from radiation_ss.body.time_step import hold_matrices
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.fit.rational import connected
 from radiation_ss.identification.channels import Channels

@@ -14,8 +14,8 @@ from scipy.signal import fftconvolve
 from radiation_ss.arrays import FloatArray, read_only
 from radiation_ss.body.composite import signal_names, system_matrices
 from radiation_ss.body.convert import opened
-from radiation_ss.body.dynamics import hold_matrices
 from radiation_ss.body.model import Model
+from radiation_ss.body.time_step import hold_matrices
 from radiation_ss.errors import InputError
 from radiation_ss.fit.rational import impulse_response, square_root
 from radiation_ss.methods import accepting
