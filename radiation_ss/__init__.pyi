@@ -20,10 +20,10 @@ from radiation_ss.effects import register_effect as register_effect
 from radiation_ss.errors import InputError as InputError
 from radiation_ss.errors import RadiationError as RadiationError
 from radiation_ss.errors import SolverError as SolverError
+from radiation_ss.export.c_source import write_c as write_c
 from radiation_ss.export.excitation import fit_excitation as fit_excitation
 from radiation_ss.export.excitation import read_excitation as read_excitation
-from radiation_ss.export.source import write_c as write_c
-from radiation_ss.export.source import write_fmu as write_fmu
+from radiation_ss.export.fmu import write_fmu as write_fmu
 from radiation_ss.filter.dual_enkf import DualEnKF as DualEnKF
 from radiation_ss.filter.repeated import repeat as repeat
 from radiation_ss.fit.audit import audit as audit

@@ -1,23 +1,127 @@
-"""The live filter's step as a CasADi function: the Kalman filter at the parameters reached so far.
+"""A model with effects, or the live filter's step, as C source without a heap, written by CasADi.
 
-While every sample comes, its gain is the one that it settles to. After one that is missing the covariance moves along
-until it has settled again: the settled gain would make a leap of what the motion has gone by unseen.
+The filter is the Kalman filter at the parameters reached so far. While every sample comes, its gain is the one that it
+settles to. After one that is missing the covariance moves along until it has settled again: the settled gain would
+make a leap of what the motion has gone by unseen.
 """
+
+import contextlib
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import FloatArray, positive
 from radiation_ss.body.composite import system_matrices
+from radiation_ss.body.convert import as_model
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.bank import bank_of
 from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.plan import rows_of
+from radiation_ss.methods import accepting
+from radiation_ss.simulation.equations import signals_of, state_equations, without_delays
 
 NEAR = 0.1  # between the parameters and those of the filters beside, in standard deviations
 SETTLED = 1e-6  # of the settled covariance
+
+
+@accepting(plant=lambda given: given if isinstance(given, DualEnKF) else as_model(given))
+def write_c(plant: Model | DualEnKF, path: str | Path, effects: Iterable[Any] = (), *, dt: float | None = None) -> Path:
+    """Write a plant, or a filter, as C source with a header beside it; the file's head says how to call it.
+
+    Of a Model: `plant_rate` (t, x, u) -> (x', y), and with `dt` `plant_step` (t, x, u) -> (x after dt, y), by the
+    classical Runge-Kutta method under constant u, in several steps where the fastest pole asks for them. Of a DualEnKF
+    after `prepare` or `run`: `filter_step` (x, y) -> (x, force, its standard deviation), the Kalman filter at the
+    parameters reached so far, at the record's interval, and beside it one for each direction in which the parameters
+    are unsure: the standard deviation holds both. A sample that is NaN, or beyond the filter's gate, counts as missing:
+    gain and standard deviation are then those of a filter without it, at the price of a step that takes longer, until
+    they have settled again. x is zero before the first sample.
+
+    Parameters
+    ----------
+    plant : Model, control.StateSpace, path or DualEnKF
+    path : str or Path
+        Ends in .c.
+    effects : iterable
+        With a Model, as in `simulate`; `diagnosis.corrected` for a diagnosed body; as in `write_fmu`.
+    dt : float, optional
+        Time step of `plant_step` [s].
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .c, or the filter is not prepared or not the default one.
+    SolverError
+        If the filter's gain does not settle.
+
+    Examples
+    --------
+    >>> import radiation_ss as rss
+    >>> model = rss.body(dof="Heave", mass=2.0, added_mass=0.0, C=8.0)
+    >>> rss.write_c(model, "heave.c", [("quadratic_drag", {"coefficient": 3.0})], dt=0.01).name
+    'heave.c'
+    """
+    target = Path(path)
+    if target.suffix != ".c" or not target.stem.isidentifier() or not target.parent.is_dir():
+        raise InputError(f"{path}: a name of letters, digits and _ that ends in .c, in a folder that exists, is needed")
+    if isinstance(plant, DualEnKF):
+        functions, lists = filter_source(plant)
+        dt = plant.interval
+    else:
+        functions, lists = _plant(plant, without_delays(plant, effects), dt)
+    generator = ca.CodeGenerator(target.stem, {"with_header": True})
+    for function in functions:
+        generator.add(function)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        generator.generate()
+        source, header = (Path(target.name).with_suffix(s).read_text(encoding="utf-8") for s in (".c", ".h"))
+    target.write_text(_head(functions, lists, dt) + source, encoding="utf-8")
+    target.with_suffix(".h").write_text(header, encoding="utf-8")
+    return target
+
+
+def _plant(model: Model, effects: tuple[Any, ...], dt: float | None,
+           turn: float = 1.0) -> tuple[list[ca.Function], dict[str, list[str]]]:
+    """Return the plant's functions, and names of its signals; `turn` [rad]: of the fastest pole a step (most 2.7)."""
+    names, rate = ["t", "x", "u"], state_equations(model, effects)
+    functions = [ca.Function("plant_rate", *_symbols(rate), names, ["rate", "y"])]
+    if dt is not None:
+        dt = positive(dt, "dt", "s")
+        (t, x, u), (_, y) = _symbols(rate)
+        parts = max(1, int(np.ceil(dt * np.abs(np.linalg.eigvals(model.matrices()[0])).max() / turn)))
+        z = ca.MX.sym("z", x.numel() + 1)  # the states, and time
+        flow = ca.Function("flow", [z, u], [ca.vertcat(rate(z[-1], z[:-1], u)[0], 1)])
+        after = ca.simpleRK(flow, parts)(ca.vertcat(x, t), u, dt)[:-1]
+        functions.append(ca.Function("plant_step", [t, x, u], [after, y], names, ["after", "y"]))
+    states, inputs, outputs = signals_of(model, effects)
+    return functions, {"x": states, "u": inputs, "y": outputs}
+
+
+def _symbols(rate: ca.Function) -> tuple[list[Any], list[Any]]:
+    arguments = [ca.MX.sym(f"i{k}", rate.sparsity_in(k)) for k in range(rate.n_in())]
+    return arguments, list(rate(*arguments))
+
+
+def _head(functions: list[ca.Function], lists: dict[str, list[str]], dt: float | None) -> str:
+    """Return the comment that says how to call the functions, `dt` [s] apart."""
+    lines = ["SI units. f(arg, res, iw, w, 0) returns 0: const double *arg[], double *res[], casadi_int iw[], double",
+             "w[], of the sizes that f_work(&arg, &res, &iw, &w) gives. Input and output are different arrays."]
+    for f in functions:
+        into, out = (", ".join(f"{name}[{size}]" for name, size in zip(names, sizes)) for names, sizes in (
+            (f.name_in(), [f.numel_in(k) for k in range(f.n_in())]),
+            (f.name_out(), [f.numel_out(k) for k in range(f.n_out())])))
+        lines.append(f"{f.name()}: {into} -> {out}")
+    lines += [f"{name}: {', '.join(items)}" for name, items in lists.items()]
+    if dt is not None:
+        held = ", u constant between" if "u" in lists else ""
+        lines.append(f"one call of {functions[-1].name()} every {dt!r} s{held}")
+    return "/*\n" + "\n".join(f" * {line}" for line in lines) + "\n */\n"
 
 
 def filter_source(filter_: DualEnKF) -> tuple[list[ca.Function], dict[str, list[str]]]:
