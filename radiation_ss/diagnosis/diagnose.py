@@ -33,8 +33,9 @@ from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
+from radiation_ss.simulation.misreadings import other_readings
 from radiation_ss.simulation.run import steady_force
-from radiation_ss.simulation.unit_checks import check_units, doubts, other_readings
+from radiation_ss.simulation.unit_checks import check_units, doubts
 
 __all__ = ["Diagnosis", "diagnose"]
 

@@ -17,7 +17,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged
 from radiation_ss.simulation.measured import power_of
 from radiation_ss.simulation.prepared import exciting_force, wave_motion
-from radiation_ss.simulation.unit_checks import faint
+from radiation_ss.simulation.size_checks import faint
 
 SLOW = 0.2  # Of a motion's typical frequency: what is slower is not integrated
 

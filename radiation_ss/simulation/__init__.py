@@ -14,9 +14,10 @@ __getattr__, __all__ = door(__name__, {
     "linear": "exact_step Kernel left_over linear_response propagate",
     "measured": "coarse_excitation drifting mean_frequency measured_driven measured_freely unsure_edge",
     "prepared": "exciting_force half_steps prepare wave_force",
+    "misreadings": "other_readings",
     "pushes": "let_go PushRules",
     "rollout": "interpolate Motion Rollout",
     "run": "run_in_steps simulate",
     "spikes": "SpikeRules without_spikes without_spikes_of_force",
-    "unit_checks": "check_decays check_units doubts memory_length other_readings",
+    "unit_checks": "check_decays check_units doubts memory_length",
 })

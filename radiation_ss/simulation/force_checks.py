@@ -1,6 +1,6 @@
-"""Whether the motion goes with the force that is said to cause it: a sign, a phase or a unit of one is off."""
+"""Whether the motion goes with the force that is said to cause it: a sign or a phase of one is off."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,13 +9,11 @@ import numpy as np
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
-from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of, columns_of, compared, middle, spectrum_of
 from radiation_ss.simulation.headings import force_of_waves
 from radiation_ss.waves.force import on_all
-
-APART = 3.0  # Times that a force is off its motion from which on it is said: stiffness and inertia are off by less
 
 
 @dataclass(frozen=True)
@@ -192,42 +190,3 @@ def least_left(y: ComplexArray, moved: ComplexArray, sizes: tuple[float, float] 
     times = np.maximum(along / size, 0.0)
     gained = np.where((times >= sizes[0]) & (times <= sizes[1]), times * along, 0.0)
     return float(max(1.0 - np.max(gained) / np.sum(np.abs(y) ** 2), 0.0))
-
-
-def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1,
-          by_waves: float = 2.5) -> Iterator[str]:
-    """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
-    One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit somewhat less than 3.
-
-    Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
-    stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
-    energy: less may be leakage or noise.
-    """
-    if (inputs := forces(model, record)) is None or not (motions := displacements(model, record)):
-        return
-    w = inputs[0][1:]
-    Z, inertia = impedance(model, w), np.abs(model.M + model.A_inf)
-    largest = np.abs(Z).max(axis=0)
-    for i, dof in enumerate(model.dofs):
-        tied = largest[i] ** 2 > np.finfo(float).eps * largest[i, i] * np.diag(largest)
-        if not columns_of(record, dof) or not set(np.flatnonzero(tied)) <= set(motions):
-            continue
-        made, force = np.sum([Z[:, i, j] * x for j, x in motions.items()], axis=0), inputs[1][i, 1:]
-        terms = np.sum([(abs(model.C[i, j]) + w**2 * inertia[i, j]) * np.abs(x) for j, x in motions.items()], axis=0)
-        band = band_of(w, force) & (np.abs(made) > far * terms)
-        correlation, times = compared(made[band], force[band])
-        counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
-        apart = APART if inputs[2] is None else by_waves
-        if counts and correlation > alike and not 1.0 / apart < times < apart:
-            yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
-
-
-def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:
-    """Word a force that is `times` what the motion needs."""
-    unit = "m" if source == "wave_elevation" else force_unit(dof)
-    made = "the force that X makes of it" if source == "wave_elevation" else "it"
-    X = f"X ({force_unit(dof)} per metre of wave amplitude), " if source == "wave_elevation" else ""
-    kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
-    return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
-            f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
-            f"{X}the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")

@@ -14,9 +14,10 @@ from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import motion_unit
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import band_of, middle, spectrum_of
-from radiation_ss.simulation.force_checks import APART, displacements, forces
+from radiation_ss.records.signals import band_of, column_doubts, middle, spectrum_of
+from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.pushes import let_go
+from radiation_ss.simulation.size_checks import APART
 from radiation_ss.units import FORCE
 
 
@@ -90,6 +91,24 @@ def misread(model: Model, records: Sequence[Record], rules: ReadingRules = Readi
         f"column {' or '.join(columns)}, all {sum(record.time.size for record in records)} rows: with "
         f"{' or '.join(r.words for r in alike)} the model leaves {as_given / best:.3g} times less unexplained; check "
         f"the {alike[0].kind} of the columns")
+
+
+def other_readings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+    """Return a sentence for what the columns of records may be instead: another reading fits the model far better, or
+    two sensors of one motion contradict each other. Of records of one kind and of the same columns, each or all.
+    """
+    said, alike = list[str](), dict[tuple[str, frozenset[str]], list[Record]]()
+    for record in records:
+        if record.kind != "static":
+            alike.setdefault((record.kind, frozenset(record.channels)), []).append(record)
+    for group in alike.values():
+        found = [(record, misread(model, [record])) for record in group]
+        if len(group) > 1 and not any(text for _, text in found) and (all_of := misread(model, group)):
+            said.append(f"records {', '.join(record.name for record in group)}, {all_of[1]}")
+            continue
+        said += [f"record {record.name}, {text}" for record, other in found for text in (
+            [other[1]] if other else [text for dof in model.dofs for text in column_doubts(record, dof)])]
+    return tuple(said)
 
 
 def _spectra(model: Model, records: Sequence[Record]) -> Spectra | None:

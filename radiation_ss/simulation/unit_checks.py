@@ -11,11 +11,10 @@ from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records import signals
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import FACTOR
-from radiation_ss.simulation.force_checks import APART, sentence, sizes, turned, turned_in_decay
-from radiation_ss.simulation.linear import exact_step, propagate
+from radiation_ss.simulation.force_checks import turned, turned_in_decay
 from radiation_ss.simulation.misreadings import misread
-from radiation_ss.simulation.prepared import exciting_force
 from radiation_ss.simulation.pushes import let_go
+from radiation_ss.simulation.size_checks import APART, moved_by, moves_as, off_size, sentence, sizes, slopes, variance
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -35,7 +34,7 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
         yield (f"{apart}; check the units (time in s), that the record is of this body, and its kind: forced, "
                "prescribed and static tests may be as slow as the rig likes")
     if record.kind == "static":
-        for i, times in _slopes(model, record).items():
+        for i, times in slopes(model, record).items():
             dof, unit = model.dofs[i], motion_unit(model.dofs[i])
             where = f"column {dof} or {dof}_force, all {record.time.size} rows"
             if times < 0.0:
@@ -77,7 +76,7 @@ def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
     if not np.isfinite(slowest) or slowest * length / 3.0 < np.log(fall):
         return
     thirds = np.array_split(np.arange(record.time.size), 3)
-    power = np.array([sum(_variance(record.channels[c][part]) / max(_variance(record.channels[c]), 1e-300)
+    power = np.array([sum(variance(record.channels[c][part]) / max(variance(record.channels[c]), 1e-300)
                           for c in _motion(model, record)) for part in thirds])
     if power[-1] > 0.25 * power.max() > 0.0:
         columns = [f"{dof}_force" for dof in model.dofs if f"{dof}_force" in record.channels]
@@ -92,7 +91,7 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
     if record.kind == "static":
         said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
-                for i, times in _slopes(model, record).items() if not 1.0 / APART < times < APART]
+                for i, times in slopes(model, record).items() if not 1.0 / APART < times < APART]
     else:
         kind, text = misread(model, [record]) or ("", "")
         told = kind in ("order", "sign")
@@ -108,24 +107,6 @@ def doubts(model: Model, record: Record) -> tuple[str, ...]:
         said.append(f"column {', '.join(strange)}: not used; the model's degrees of freedom are "
                     f"{', '.join(model.dofs)}")
     return tuple(f"record {record.name}, {text}" for text in said)
-
-
-def other_readings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
-    """Return a sentence for what the columns of records may be instead: another reading fits the model far better, or
-    two sensors of one motion contradict each other. Of records of one kind and of the same columns, each or all.
-    """
-    said, alike = list[str](), dict[tuple[str, frozenset[str]], list[Record]]()
-    for record in records:
-        if record.kind != "static":
-            alike.setdefault((record.kind, frozenset(record.channels)), []).append(record)
-    for group in alike.values():
-        found = [(record, misread(model, [record])) for record in group]
-        if len(group) > 1 and not any(text for _, text in found) and (all_of := misread(model, group)):
-            said.append(f"records {', '.join(record.name for record in group)}, {all_of[1]}")
-            continue
-        said += [f"record {record.name}, {text}" for record, other in found for text in (
-            [other[1]] if other else [text for dof in model.dofs for text in signals.column_doubts(record, dof)])]
-    return tuple(said)
 
 
 def slow_by_nature(record: Record) -> bool:
@@ -175,7 +156,7 @@ def _apart(model: Model, record: Record) -> Iterator[str]:
         found = np.array([signals.middle(*signals.spectrum_of(record, record.channels[c])) for c in columns])
         return found if found.max() * FACTOR < natural.min() or found.min() > FACTOR * natural.max() else found[:0]
 
-    drive = [c for c in (*(f"{dof}_force" for dof in model.dofs), "wave_elevation") if _variance(
+    drive = [c for c in (*(f"{dof}_force" for dof in model.dofs), "wave_elevation") if variance(
         record.channels.get(c, np.zeros(1)))]
     motion = _motion(model, record)
     if motion and (found := far(motion)).size and not (drive and not far(drive).size):
@@ -191,7 +172,7 @@ def _paced(model: Model, record: Record, factor: float = 1.5) -> list[str]:
         return []
     free, states = let_go(model, record)[0], model.fit.states + 2 * model.n
     columns, still = _motion(model, free), np.zeros((model.n, free.time.size))
-    own = [signals.middle(*signals.spectrum_of(free, _moved(model, free, still, np.eye(states)[i - 2 * model.n])[i],
+    own = [signals.middle(*signals.spectrum_of(free, moved_by(model, free, still, np.eye(states)[i - 2 * model.n])[i],
                                                spiky=False)) for i in range(model.n)]
     found = [signals.middle(*signals.spectrum_of(free, free.channels[column])) for column in columns]
     if not found or min(own) <= 0.0:
@@ -226,101 +207,5 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> Iterator[st
                    f"more than that of gravity; {signals.units_text(dof, (column,))}")
 
 
-def faint(model: Model, moved: FloatArray, share: float = 1e-3) -> np.ndarray:
-    """Return which motions of these sizes, (n,), have less than a share of the largest one, by kinetic energy.
-
-    By default less than the model knows of its couplings: it hardly tells a motion that no force of its own drives.
-    """
-    energetic = np.sqrt(np.diag(model.M + model.A_inf)) * moved
-    return np.asarray(energetic <= share * energetic.max())
-
-
-def against_model(model: Model, record: Record,
-                  coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
-    """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
-    times as large it is where that is far off; noise, and motion of another cause, are less coherent. Of what a force
-    of its own drives only what rounding moves is left out, of the others what is faint.
-    """
-    moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
-    if moved is None:
-        return
-    largest = np.abs(moved).max(axis=1)
-    undriven, rounded = faint(model, largest), faint(model, largest, np.finfo(float).eps ** 0.5)
-    for i, dof in enumerate(model.dofs):
-        have, own = signals.columns_of(record, dof), record.channels.get(f"{dof}_force", np.zeros(1))
-        if not have or (rounded if _variance(own) > 0.0 else undriven)[i]:
-            continue
-        order, column = have[0]
-        omega, measured = signals.spectrum_of(record, record.channels[column])
-        predicted = signals.spectrum_of(record, moved[i])[1] * omega**order
-        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
-        if np.abs(np.vdot(measured, predicted)) / size >= coherent:
-            yield dof, tuple(have), signals.factor_between(omega, measured, predicted)
-
-
-def moves_as(model: Model, record: Record, dof: str) -> bool:
-    """Whether a motion has the model's size under the force that a record states."""
-    if record.kind == "static":
-        return 1.0 / FACTOR < _slopes(model, record).get(model.dofs.index(dof), 0.0) < FACTOR
-    return any(name == dof and times is None for name, _, times in against_model(model, record))
-
-
-def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
-    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times."""
-    for dof, have, factor in against_model(model, record):
-        if factor is None:
-            continue
-        pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
-        source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
-                  else "wave_elevation")
-        force = "m" if source == "wave_elevation" else force_unit(dof)
-        agree = f" {' and '.join(c for _, c in have)} agree, so look at {source} first;" if len(have) > 1 else ""
-        yield (dof, factor,
-               f"column {source} or {have[0][1]}, all {record.time.size} rows: {dof} moves "
-               f"{factor:.3g} times as much as the model under the recorded force;{agree} check the units "
-               f"({source} in {force}, {dof} in {motion_unit(dof)}) and that the record is of this body")
-
-
-def _predicted(model: Model, record: Record) -> FloatArray | None:
-    """Return the model's displacements under the record's force from rest, (n, nt); None if that is unknown or zero."""
-    rows = record.get("force", model.dofs)
-    if rows is not None:
-        rows = np.stack([signals.whole(record.time, row) for row in rows])
-    elif "wave_elevation" in record.channels and np.isfinite(record.channels["wave_elevation"]).sum() > 8:
-        splines = exciting_force(model, record)
-        rows = None if splines is None else np.stack([f(np.clip(record.time, *f.x[[0, -1]])) for f in splines])
-    if rows is None or not rows.any():
-        return None
-    return _moved(model, record, rows, np.zeros(model.fit.states + 2 * model.n))
-
-
-def _moved(model: Model, record: Record, force: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the model's displacements (n, nt) at a record's times under a force (n, nt), from a state."""
-    (F, G), grid, first = model.matrices(), signals.grid_of(record), model.fit.states
-    even = np.stack([np.interp(grid, record.time, row) for row in force], axis=1)
-    states = propagate(exact_step(F, G, float(grid[1] - grid[0])), even, start)
-    return np.stack([np.interp(record.time, grid, row) for row in states.T[first:first + model.n]])
-
-
-def _slopes(model: Model, record: Record, alike: float = 0.8) -> dict[int, float]:
-    """Return load over place by the model's stiffness where they correlate by `alike`: friction hides a slope."""
-    found = {}
-    for i, dof in enumerate(model.dofs):
-        if model.C[i, i] == 0.0 or not {dof, f"{dof}_force"} <= set(record.channels):
-            continue
-        x, load = (record.channels[name] for name in (dof, f"{dof}_force"))
-        both = np.isfinite(x) & np.isfinite(load)
-        x, load = x[both] - np.mean(x[both]), load[both] - np.mean(load[both])
-        size = float(np.linalg.norm(x) * np.linalg.norm(load))
-        if both.sum() >= 3 and abs(x @ load) >= alike * size > 0.0:
-            found[i] = float(x @ load / (x @ x)) / model.C[i, i]
-    return found
-
-
 def _motion(model: Model, record: Record) -> list[str]:
     return [column for dof in model.dofs for _, column in signals.columns_of(record, dof)]
-
-
-def _variance(values: FloatArray) -> float:
-    good = values[np.isfinite(values)]
-    return float(np.var(good)) if good.size else 0.0
