@@ -11,15 +11,13 @@ from radiation_ss.arrays import FloatArray, generator, is_number
 from radiation_ss.body.convert import as_model, opened
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.identification.channels import between_gaps, check_force_known
-from radiation_ss.identification.joint_filter import by_joint_filter
+from radiation_ss.identification.filters import by_dual_filter, by_joint_filter, entrywise
 from radiation_ss.identification.motion_only import by_motion_only
 from radiation_ss.identification.prediction_error import by_prediction_error
 from radiation_ss.identification.result import Identification, assemble
 from radiation_ss.identification.study import (
     Findings,
-    ForceEstimate,
     Settings,
     Study,
     left_out,
@@ -29,9 +27,7 @@ from radiation_ss.identification.study import (
 from radiation_ss.inference.laplace import find_peak, sample
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.inference.points import Points, known_points
-from radiation_ss.inference.prior import parametrise, relative_spread
-from radiation_ss.inference.remainder import Remainder
-from radiation_ss.inference.subsystems import subsystems_of
+from radiation_ss.inference.prior import parametrise, with_table
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
@@ -47,41 +43,6 @@ if TYPE_CHECKING:
 
 
 MOTION_ONLY = ("spectral", "joint")  # methods that do not use a recorded force
-
-
-def entrywise(model: Model, prior: float) -> Parametrisation:
-    """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
-    parts = subsystems_of(model.fit)
-    std = np.abs(parts.theta)
-    for block, poles in zip(parts.form.blocks, parts.poles(parts.theta)):
-        own = slice(block.start, block.start + 2 * block.order)
-        alone = replace(block, start=0, entries=((0, 0),))
-        std[own] *= prior / relative_spread(alone, parts.theta[own], std[own], poles)
-    return replace(parts.form, A_inf=np.array(model.A_inf), std=std)
-
-
-def by_dual_filter(study: Study) -> Findings:
-    """Return what the dual filter finds from each record; the parameters of the record that told most."""
-    form, rules = study.form, study.rules
-    used = form.std > 0.0
-    # One relative standard deviation for all coefficients, as the filter takes it.
-    options = {"prior": float(np.median(form.std[used] / np.abs(form.mean[used]))), "points": study.given_points,
-               "point_noise": rules.point_tolerance, "preset": rules.preset,
-               "n_ensemble": 100 if rules.preset else max(100, study.rules.draws // 2)}
-    runs = {record.name: DualEnKF(study.model, seed=study.seed, **options | dict(rules.filter)).run(record)
-            for record in study.records}
-    best = min(runs, key=lambda name: float(np.mean([p.std / p.prior_std for p in runs[name].parameters.values()
-                                                     if p.prior_std > 0.0])))
-    said = dict.fromkeys(text for run in runs.values() for text in run.warnings)
-    if len(runs) > 1:
-        said[f"the dual filter takes one record at a time: the parameters are those of record {best}, which told most"
-             ] = None
-    force = {name: ForceEstimate(run.time, *run.force) for name, run in runs.items()}
-    # How far the force is from that of parameters left at their start, relative to its rms.
-    changes = {name: {"change": float(np.sqrt(np.mean((run.force.mean - run.baseline["force"]) ** 2)
-                                              / np.mean(run.force.mean**2)))} for name, run in runs.items()}
-    u = (runs[best].members.T - form.mean)[:, form.active] / form.std[form.active]
-    return Findings(np.asarray(u, dtype=np.float64), {"force": changes}, tuple(said), force=force)
 
 
 @accepting(model=lambda given: as_model(opened(given)), records=as_records)
@@ -264,29 +225,6 @@ def _form(model: Model, method: str, prior: float, beyond: float, rules: Setting
         return form
     seen = {"sensor": known_forces, "force": known_forces and waves}    # else the sea's own size takes them in
     return form.with_nominal(sizes | {name: 0.0 for name, there in seen.items() if not there}, model.M)
-
-
-def with_table(form: Parametrisation, model: Model) -> Parametrisation:
-    """Return the parametrisation with what the model's fit leaves out of its data: as its sections can follow in their
-    prior mean, where also motions feel it that are not measured, and the rest beside.
-    """
-    data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
-    if data is None or data.A_inf is None or data.omega.size < 2:
-        return form
-    omega, mean = np.array(data.omega), form.mean.copy()
-    missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
-    missing = 0.5 * (missing + missing.swapaxes(1, 2))
-    if block is not None:
-        basis = form.basis(form.mean, omega, block)
-        for number, (j, k) in enumerate(block.entries):
-            at = np.arange(mean.size)[block.numerator(number)]
-            used = form.std[at] > 0.0
-            columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
-            # What the data hardly see, as beyond their band, stays zero.
-            right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
-            mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
-    left = missing + form.K(form.mean, omega) - form.K(mean, omega)
-    return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 
 
 def _asked_at(omega: ArrayLike | None) -> FloatArray | None:

@@ -9,6 +9,7 @@ is missing is c f, and f(t + c) - f(t).
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -70,6 +71,26 @@ def laws_of(part: MotionLikelihood, u: FloatArray, v: FloatArray, onset: float =
         coefficient = ratio * float(critical[along != 0.0].min())
         out.append(Law(name, -coefficient * np.outer(moving @ along, along), coefficient))
     return [*out, *recorded_laws(part, v)]
+
+
+def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, phi: FloatArray,
+             name: str) -> tuple[list[MotionLikelihood], FloatArray]:
+    """Return the parts with the law along the filtered motion at phi, added or made anew, and where it starts."""
+    u, moved = phi[:study.n_u], []
+    for part, at in zip(parts, target.places[-len(parts):]):
+        v = phi[at]
+        law = next((item for item in laws_of(part, u, v) if item.name == name), None)
+        have = next((k for k, item in enumerate(part.laws) if item.name == name), None)
+        if law is None:
+            moved.append((part, v))
+        elif have is None:
+            ((score, information, _),) = part.scores_of([law], u, v)
+            moved.append(part.with_law(law, v, score / (information + 1.0)))
+        else:
+            unit = part.laws[have].unit
+            law = Law(name, law.force * (unit / law.unit), unit)
+            moved.append((replace(part, laws=(*part.laws[:have], law, *part.laws[have + 1:])), v))
+    return [part for part, _ in moved], np.concatenate([u, *(v for _, v in moved)])
 
 
 def recorded_laws(part: MotionLikelihood, v: FloatArray) -> Iterator[Law]:

@@ -15,16 +15,16 @@ from radiation_ss.identification.laws import (
     LATE,
     LINEAR,
     dampers,
+    followed,
     law_warnings,
     lawful_draws,
-    laws_of,
     least_of,
     placed,
     score_laws,
     strength,
     taken_apart,
 )
-from radiation_ss.identification.motion_likelihood import Law, MotionLikelihood, NoiseRules, motion_likelihoods
+from radiation_ss.identification.motion_likelihood import MotionLikelihood, NoiseRules, motion_likelihoods
 from radiation_ss.identification.study import Findings, Study, cautious, with_body_held
 from radiation_ss.inference.laplace import Climb, Peak, Target, find_peak, sample
 from radiation_ss.inference.scales import noise_of
@@ -109,7 +109,7 @@ def weighed_dampers(study: Study, parts: list[MotionLikelihood],
     if reached is None:
         return parts, [peak], []
     columns = [at for law, at in placed(study.target(damped), damped) if law.name in names]
-    return damped, [reached, without(peak, columns)], names
+    return damped, [reached, peak.with_zeros(columns)], names
 
 
 def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: Peak,
@@ -127,15 +127,7 @@ def undamped(study: Study, parts: list[MotionLikelihood], target: Target, peak: 
     bare = [replace(part, laws=tuple(law for law in part.laws if taken_apart(law.name)[0] not in LINEAR))
             for part in parts]
     reached = climbed(study.target(bare), np.delete(peak.phi, columns))
-    return [] if reached is None else [without(reached, columns)]
-
-
-def without(peak: Peak, columns: Sequence[int], narrow: float = 1e-9) -> Peak:
-    """Return a mode with more parameters, in these columns, that are zero: priors of the deviation `narrow`."""
-    size = peak.phi.size + len(columns)
-    there, phi, fisher = np.setdiff1d(np.arange(size), columns), np.zeros(size), np.eye(size) / narrow**2
-    phi[there], fisher[np.ix_(there, there)] = peak.phi, peak.fisher
-    return Peak(phi, fisher, peak.value - len(columns) * float(np.log(narrow)))
+    return [] if reached is None else [reached.with_zeros(columns)]
 
 
 def with_dampers(study: Study, parts: list[MotionLikelihood],
@@ -177,26 +169,6 @@ def climbed(target: Target, start: FloatArray, rules: Climb | None = None) -> Pe
         return find_peak(target, start, rules)
     except SolverError:
         return None
-
-
-def followed(study: Study, parts: Sequence[MotionLikelihood], target: Target, phi: FloatArray,
-             name: str) -> tuple[list[MotionLikelihood], FloatArray]:
-    """Return the parts with the law along the filtered motion at phi, added or made anew, and where it starts."""
-    u, moved = phi[:study.n_u], []
-    for part, at in zip(parts, target.places[-len(parts):]):
-        v = phi[at]
-        law = next((item for item in laws_of(part, u, v) if item.name == name), None)
-        have = next((k for k, item in enumerate(part.laws) if item.name == name), None)
-        if law is None:
-            moved.append((part, v))
-        elif have is None:
-            ((score, information, _),) = part.scores_of([law], u, v)
-            moved.append(part.with_law(law, v, score / (information + 1.0)))
-        else:
-            unit = part.laws[have].unit
-            law = Law(name, law.force * (unit / law.unit), unit)
-            moved.append((replace(part, laws=(*part.laws[:have], law, *part.laws[have + 1:])), v))
-    return [part for part, _ in moved], np.concatenate([u, *(v for _, v in moved)])
 
 
 def by_prediction_error(study: Study) -> Findings:

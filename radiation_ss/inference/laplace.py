@@ -85,6 +85,13 @@ class Peak:
         away = self.phi - other.phi
         return bool(away @ other.fisher @ away < distance**2)
 
+    def with_zeros(self, columns: Sequence[int], narrow: float = 1e-9) -> "Peak":
+        """Return a mode with more parameters, in these columns, that are zero: priors of the deviation `narrow`."""
+        size = self.phi.size + len(columns)
+        there, phi, fisher = np.setdiff1d(np.arange(size), columns), np.zeros(size), np.eye(size) / narrow**2
+        phi[there], fisher[np.ix_(there, there)] = self.phi, self.fisher
+        return Peak(phi, fisher, self.value - len(columns) * float(np.log(narrow)))
+
 
 @dataclass(frozen=True)
 class Climb:

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.parameters import ParameterBlock, Parametrisation
+from radiation_ss.inference.remainder import Remainder
 
 
 def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float = 0.0,
@@ -55,6 +57,29 @@ def parametrise(fit: RadiationFit, A_inf: FloatArray, prior: float, rest: float 
     form = Parametrisation(fit.dofs, np.array(A_inf), tuple(blocks), np.array(mean), np.array(std), tuple(names))
     form = replace(form, mean=form.tied(form.mean))
     return with_smooth_error(form, poles, prior) if smooth else form
+
+
+def with_table(form: Parametrisation, model: Model) -> Parametrisation:
+    """Return the parametrisation with what the model's fit leaves out of its data: as its sections can follow in their
+    prior mean, where also motions feel it that are not measured, and the rest beside.
+    """
+    data, block = model.hydro, next((block for block in form.blocks if block.rest), None)
+    if data is None or data.A_inf is None or data.omega.size < 2:
+        return form
+    omega, mean = np.array(data.omega), form.mean.copy()
+    missing = data.B + 1j * omega[:, None, None] * (data.A - model.A_inf) - form.K(form.mean, omega)
+    missing = 0.5 * (missing + missing.swapaxes(1, 2))
+    if block is not None:
+        basis = form.basis(form.mean, omega, block)
+        for number, (j, k) in enumerate(block.entries):
+            at = np.arange(mean.size)[block.numerator(number)]
+            used = form.std[at] > 0.0
+            columns = np.vstack([basis[used].T.real, basis[used].T.imag]) * form.std[at[used]]
+            # What the data hardly see, as beyond their band, stays zero.
+            right = np.r_[missing[:, j, k].real, missing[:, j, k].imag]
+            mean[at[used]] = form.std[at[used]] * np.linalg.lstsq(columns, right, rcond=0.01)[0]
+    left = missing + form.K(form.mean, omega) - form.K(mean, omega)
+    return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""The method "joint", motion only: block after block.
+"""The recursive methods, motion only: the dual filter from record to record, and the method "joint", block by block.
 
-Each block's motion updates a normal distribution of body, sea and noise parameters through its exact likelihood (an
-extended Kalman filter in information form); its force follows from the motion up to its end. The force's spectrum is
-the sea's through Haskind's relation, refitted all along: no fixed shaping filter can turn its misfit into a bias of the
-body.
+Of the method "joint" each block's motion updates a normal distribution of body, sea and noise parameters through its
+exact likelihood (an extended Kalman filter in information form); its force follows from the motion up to its end. The
+force's spectrum is the sea's through Haskind's relation, refitted all along: no fixed shaping filter can turn its
+misfit into a bias of the body.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
+from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.identification.channels import Channels, motion_channels
 from radiation_ss.identification.force import Window, force_model, smoothed
 from radiation_ss.identification.motion_only import describe_sea, structures
@@ -19,6 +21,44 @@ from radiation_ss.identification.sea import families
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
 from radiation_ss.identification.study import Findings, ForceEstimate, Study, cautious
 from radiation_ss.inference.laplace import find_peak, sample
+from radiation_ss.inference.parameters import Parametrisation
+from radiation_ss.inference.prior import relative_spread
+from radiation_ss.inference.subsystems import subsystems_of
+
+
+def entrywise(model: Model, prior: float) -> Parametrisation:
+    """Return the dual filter's own parametrisation: each entry a polynomial fraction with poles of its own."""
+    parts = subsystems_of(model.fit)
+    std = np.abs(parts.theta)
+    for block, poles in zip(parts.form.blocks, parts.poles(parts.theta)):
+        own = slice(block.start, block.start + 2 * block.order)
+        alone = replace(block, start=0, entries=((0, 0),))
+        std[own] *= prior / relative_spread(alone, parts.theta[own], std[own], poles)
+    return replace(parts.form, A_inf=np.array(model.A_inf), std=std)
+
+
+def by_dual_filter(study: Study) -> Findings:
+    """Return what the dual filter finds from each record; the parameters of the record that told most."""
+    form, rules = study.form, study.rules
+    used = form.std > 0.0
+    # One relative standard deviation for all coefficients, as the filter takes it.
+    options = {"prior": float(np.median(form.std[used] / np.abs(form.mean[used]))), "points": study.given_points,
+               "point_noise": rules.point_tolerance, "preset": rules.preset,
+               "n_ensemble": 100 if rules.preset else max(100, study.rules.draws // 2)}
+    runs = {record.name: DualEnKF(study.model, seed=study.seed, **options | dict(rules.filter)).run(record)
+            for record in study.records}
+    best = min(runs, key=lambda name: float(np.mean([p.std / p.prior_std for p in runs[name].parameters.values()
+                                                     if p.prior_std > 0.0])))
+    said = dict.fromkeys(text for run in runs.values() for text in run.warnings)
+    if len(runs) > 1:
+        said[f"the dual filter takes one record at a time: the parameters are those of record {best}, which told most"
+             ] = None
+    force = {name: ForceEstimate(run.time, *run.force) for name, run in runs.items()}
+    # How far the force is from that of parameters left at their start, relative to its rms.
+    changes = {name: {"change": float(np.sqrt(np.mean((run.force.mean - run.baseline["force"]) ** 2)
+                                              / np.mean(run.force.mean**2)))} for name, run in runs.items()}
+    u = (runs[best].members.T - form.mean)[:, form.active] / form.std[form.active]
+    return Findings(np.asarray(u, dtype=np.float64), {"force": changes}, tuple(said), force=force)
 
 
 @dataclass(frozen=True, eq=False)
