@@ -16,10 +16,10 @@ from scipy.linalg import block_diag
 from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.atomic import write_rows
 from radiation_ss.errors import InputError
-from radiation_ss.fit.problem import as_data
 from radiation_ss.fit.rational import Realisation, frequency_response
 from radiation_ss.fit.start import least_squares
 from radiation_ss.hydro.data import HydroData, force_unit
+from radiation_ss.hydro.files import as_data
 from radiation_ss.hydro.readers.assemble import six_dofs, six_places
 from radiation_ss.hydro.readers.text import head_and_rows, index, leading
 from radiation_ss.methods import Brief

@@ -13,10 +13,11 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, InputWarning
 from radiation_ss.fit.certificate import Certificate, certify
 from radiation_ss.fit.files import foreign, read_fit
-from radiation_ss.fit.problem import as_data, entry_errors, joint_error, scales
+from radiation_ss.fit.problem import entry_errors, joint_error, scales
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.hydro.data import HydroData, mode, signal
+from radiation_ss.hydro.files import as_data
 from radiation_ss.methods import Brief
 
 if TYPE_CHECKING:

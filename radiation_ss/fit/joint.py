@@ -1,24 +1,23 @@
 """Joint fit of a symmetric K(s): passive and reciprocal by construction, poles shared by all entries.
 
 1. Motions that the data do not couple by symmetry (bodies of an array, mirrored) are fitted apart.
-2. The modes of the damping are fitted each alone (`alone`); side by side they are a passive start
-   without couplings between them.
+2. The modes of the damping are fitted each alone; side by side they are a passive start without couplings between
+   them (`radiation_ss.fit.start`).
 3. Levenberg-Marquardt frees the couplings, also from the fit with one state less for each motion, so that more states
    are never worse; large forms take L-BFGS, whose gradient costs about as much as the response, and the largest start
    from the modes alone.
 4. CasADi states the program with its constraints and finishes it (`radiation_ss.fit.program`), but for large forms.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import SolverError
-from radiation_ss.fit.port import Port, Start, beside, grown, port_of
+from radiation_ss.fit.port import Port, Start, grown
 from radiation_ss.fit.problem import Problem, check_size, independent, own_order, symmetric_parts
 from radiation_ss.fit.program import (
     bounded,
@@ -30,8 +29,8 @@ from radiation_ss.fit.program import (
     too_narrow,
     toward_points,
 )
-from radiation_ss.fit.rational import frequency_response, response_of
-from radiation_ss.fit.start import passive_numerator, sanathanan_koerner, spread
+from radiation_ss.fit.rational import frequency_response
+from radiation_ss.fit.start import modal, sanathanan_koerner
 
 Run = tuple[float, Port, FloatArray]  # cost, form and parameters of what was found
 Realised = tuple[FloatArray, FloatArray, str]  # A, B with C = B^T, and how it was solved
@@ -275,42 +274,3 @@ def _released(port: Port, theta: FloatArray, problem: Problem) -> tuple[Port, Fl
         return (np.full(1, np.inf) if left else value), jacobian
 
     return free, minimise(residual, start, 300)[0]
-
-
-def modal(problem: Problem, order: int, motions: int, rng: np.random.Generator, slight: float = 1e-2) -> Start:
-    """Return the damping's modes, each fitted alone, side by side, disturbed by `slight`: zeros may have no slope."""
-    K, weight = problem.whole(problem.K), problem.whole(problem.weight)
-    U = np.linalg.eigh(K.real.sum(axis=0))[1][:, ::-1][:, :motions]
-    parts = []
-    for k in range(motions):
-        mode = replace(problem.along(U[:, [k]]), weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
-        size = float(np.abs(mode.K).max())
-        mode = replace(mode, K=mode.K / size, K_points=mode.K_points / size)
-        form, theta = alone(mode, order, rng, tried=2 if motions > 1 else 8)
-        e1, e2, G, _ = form.unpack(theta)
-        parts.append((e1, e2, G, np.sqrt(size) * form.realise(theta)[1][:form.n1] @ U[:, [k]].T))
-    form, theta = beside(parts, problem.zero)
-    return form, theta + slight * rng.normal(size=theta.size)
-
-
-def alone(problem: Problem, order: int, rng: np.random.Generator, tried: int, steps: int = 10,
-          slight: float = 1e-3) -> Start:
-    """Return the model of one motion that is best after `steps` from each of the best `tried` rational starts."""
-    rational = sorted(_rational(problem, order), key=lambda run: run[0])[:tried]
-    forms = [beside([port_of(den, num)], problem.zero) for _, den, num in rational]
-    runs = [(form, *minimise(misfit_of(form, problem), theta + slight * rng.normal(size=theta.size), steps))
-            for form, theta in forms]
-    form, theta, _ = min(runs, key=lambda run: run[2])
-    return form, theta
-
-
-def _rational(problem: Problem, order: int) -> Iterator[tuple[float, FloatArray, FloatArray]]:
-    """Yield (misfit, den, num) of passive Q / P by Sanathanan-Koerner from two starts on all samples and each half."""
-    near = np.flatnonzero(problem.x <= problem.end)
-    parts = [near, near[::2], near[1::2]][: 3 if near.size > 4 * order else 1]
-    for part, first in product(parts, (None, spread(problem.x[near], order))):
-        runs = sanathanan_koerner(problem.x[part], problem.K[part, 0], problem.weight[part, 0], order,
-                                  zero=problem.zero, first=first)
-        for _, den, num in (runs[2], min(runs, key=lambda run: run[0])):
-            passive = passive_numerator(den, num, problem.zero)
-            yield problem.misfit(response_of(den, passive, problem.x)[:, None]), den, passive

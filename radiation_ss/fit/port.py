@@ -19,7 +19,6 @@ from scipy.linalg import block_diag, solve_continuous_lyapunov
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.fit.rational import observer_form
-from radiation_ss.fit.start import spectral_factor
 
 
 @lru_cache(maxsize=64)
@@ -214,6 +213,27 @@ def port_of(den: FloatArray, num: FloatArray) -> tuple[FloatArray, FloatArray, F
     one, two = one @ q1, two @ q2
     return (np.sqrt(np.maximum(d1, 0.0)), np.sqrt(np.maximum(d2, 0.0)), 0.5 * (one.T @ a @ two - (two.T @ a @ one).T),
             one.T @ b)
+
+
+def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
+    """Return h, shape (n,), constant term first, with |h(iw)|^2 near Re[Q(iw) conj P(iw)]: exact where that is passive.
+
+    Where the real part changes sign, the two ends of the negative interval become one double root between them.
+    """
+    n = den.size
+    full, sign = np.r_[den, 1.0], (-1.0) ** np.arange(n + 1)
+    even = np.convolve(num, full * sign)[::2]  # coefficients of s^0, s^2, ...
+    if not np.any(even):
+        return np.full(n, 1e-3)
+    roots = np.sqrt(np.roots(even[::-1]).astype(complex))
+    roots = np.where(roots.real > 0.0, -roots, roots)
+    crossing = np.abs(roots.real) < 1e-7 * np.abs(roots)
+    ends = np.sort(np.abs(roots[crossing]))
+    paired = np.repeat(np.sqrt(ends[:-1:2] * ends[1::2]), 2) * np.tile([1j, -1j], ends.size // 2)
+    kept = np.r_[roots[~crossing], paired, -ends[ends.size - ends.size % 2:]]
+    lead = np.sqrt(abs(even[even.size - 1 - int(np.argmax(even[::-1] != 0.0))]))
+    h = lead * np.atleast_1d(np.real(np.poly(kept)))[::-1]  # np.poly of no roots is a bare 1.0
+    return np.r_[h, np.zeros(n - h.size)][:n]
 
 
 def _even(matrix: FloatArray) -> FloatArray:

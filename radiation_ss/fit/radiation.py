@@ -13,11 +13,12 @@ from radiation_ss.errors import InputError, InputWarning, SolverError
 from radiation_ss.fit import choices
 from radiation_ss.fit.choices import Trial
 from radiation_ss.fit.joint import Search, fit_joint, order_of
-from radiation_ss.fit.problem import Problem, as_data, block_problem, blocks_of, entry_errors, joint_error, not_followed
+from radiation_ss.fit.problem import Problem, block_problem, blocks_of, entry_errors, joint_error, not_followed
 from radiation_ss.fit.rational import Realisation, frequency_response, observer_form, side_by_side
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.fit.start import fit_kernel, sanathanan_koerner
 from radiation_ss.hydro.data import HydroData
+from radiation_ss.hydro.files import as_data
 from radiation_ss.hydro.measures import inertia_not_symmetric
 
 if TYPE_CHECKING:

@@ -1,6 +1,9 @@
-"""Rational functions of one entry: Sanathanan-Koerner starts, spectral factors, and the paper's own fit (8)."""
+"""Where fits start: the modes of the damping, rational functions of one entry; and the paper's own fit (8)."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import reduce
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +11,49 @@ from scipy.integrate import trapezoid
 from scipy.optimize import minimize
 
 from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.fit.port import Start, beside, port_of
 from radiation_ss.fit.problem import Problem
-from radiation_ss.fit.rational import impulse_response, observer_form
+from radiation_ss.fit.program import minimise, misfit_of
+from radiation_ss.fit.rational import impulse_response, observer_form, response_of
+
+
+def modal(problem: Problem, order: int, motions: int, rng: np.random.Generator, slight: float = 1e-2) -> Start:
+    """Return the damping's modes, each fitted alone, side by side, disturbed by `slight`: zeros may have no slope."""
+    K, weight = problem.whole(problem.K), problem.whole(problem.weight)
+    U = np.linalg.eigh(K.real.sum(axis=0))[1][:, ::-1][:, :motions]
+    parts = []
+    for k in range(motions):
+        mode = replace(problem.along(U[:, [k]]), weight=np.sqrt((weight**2 @ U[:, k] ** 2) @ U[:, k] ** 2)[:, None])
+        size = float(np.abs(mode.K).max())
+        mode = replace(mode, K=mode.K / size, K_points=mode.K_points / size)
+        form, theta = alone(mode, order, rng, tried=2 if motions > 1 else 8)
+        e1, e2, G, _ = form.unpack(theta)
+        parts.append((e1, e2, G, np.sqrt(size) * form.realise(theta)[1][:form.n1] @ U[:, [k]].T))
+    form, theta = beside(parts, problem.zero)
+    return form, theta + slight * rng.normal(size=theta.size)
+
+
+def alone(problem: Problem, order: int, rng: np.random.Generator, tried: int, steps: int = 10,
+          slight: float = 1e-3) -> Start:
+    """Return the model of one motion that is best after `steps` from each of the best `tried` rational starts."""
+    rational = sorted(_rational(problem, order), key=lambda run: run[0])[:tried]
+    forms = [beside([port_of(den, num)], problem.zero) for _, den, num in rational]
+    runs = [(form, *minimise(misfit_of(form, problem), theta + slight * rng.normal(size=theta.size), steps))
+            for form, theta in forms]
+    form, theta, _ = min(runs, key=lambda run: run[2])
+    return form, theta
+
+
+def _rational(problem: Problem, order: int) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+    """Yield (misfit, den, num) of passive Q / P by Sanathanan-Koerner from two starts on all samples and each half."""
+    near = np.flatnonzero(problem.x <= problem.end)
+    parts = [near, near[::2], near[1::2]][: 3 if near.size > 4 * order else 1]
+    for part, first in product(parts, (None, spread(problem.x[near], order))):
+        runs = sanathanan_koerner(problem.x[part], problem.K[part, 0], problem.weight[part, 0], order,
+                                  zero=problem.zero, first=first)
+        for _, den, num in (runs[2], min(runs, key=lambda run: run[0])):
+            passive = passive_numerator(den, num, problem.zero)
+            yield problem.misfit(response_of(den, passive, problem.x)[:, None]), den, passive
 
 
 def sanathanan_koerner(x: FloatArray, K: ComplexArray, weight: FloatArray, order: int, *, zero: bool = False,
@@ -106,27 +150,6 @@ def sections(den: FloatArray) -> tuple[FloatArray, FloatArray]:
     half = real.size // 2
     slow, fast = real[real.size - half:][::-1], real[:half]
     return np.r_[-2.0 * pairs.real, -(slow + fast)], np.r_[np.abs(pairs) ** 2, slow * fast]
-
-
-def spectral_factor(den: FloatArray, num: FloatArray) -> FloatArray:
-    """Return h, shape (n,), constant term first, with |h(iw)|^2 near Re[Q(iw) conj P(iw)]: exact where that is passive.
-
-    Where the real part changes sign, the two ends of the negative interval become one double root between them.
-    """
-    n = den.size
-    full, sign = np.r_[den, 1.0], (-1.0) ** np.arange(n + 1)
-    even = np.convolve(num, full * sign)[::2]  # coefficients of s^0, s^2, ...
-    if not np.any(even):
-        return np.full(n, 1e-3)
-    roots = np.sqrt(np.roots(even[::-1]).astype(complex))
-    roots = np.where(roots.real > 0.0, -roots, roots)
-    crossing = np.abs(roots.real) < 1e-7 * np.abs(roots)
-    ends = np.sort(np.abs(roots[crossing]))
-    paired = np.repeat(np.sqrt(ends[:-1:2] * ends[1::2]), 2) * np.tile([1j, -1j], ends.size // 2)
-    kept = np.r_[roots[~crossing], paired, -ends[ends.size - ends.size % 2:]]
-    lead = np.sqrt(abs(even[even.size - 1 - int(np.argmax(even[::-1] != 0.0))]))
-    h = lead * np.atleast_1d(np.real(np.poly(kept)))[::-1]  # np.poly of no roots is a bare 1.0
-    return np.r_[h, np.zeros(n - h.size)][:n]
 
 
 def fit_kernel(problem: Problem, order: int, first: tuple[FloatArray, FloatArray],

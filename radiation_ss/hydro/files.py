@@ -1,7 +1,9 @@
 """Reading and writing hydrodynamic coefficients: which format, and to whom it goes."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from radiation_ss.atomic import write_whole
 from radiation_ss.errors import InputError
@@ -136,3 +138,29 @@ def write_hydro(data: HydroData, path: str | Path) -> None:
         raise InputError(f"{path}: write_hydro writes Capytaine's netCDF form; the name must end in .nc")
     data = data if isinstance(data, HydroData) else read_hydro(data)
     write_whole(path, netcdf(data))
+
+
+def as_data(data: Any) -> HydroData:
+    """Return HydroData as they are, frequency response data as HydroData with A_inf = 0, a file or dataset read."""
+    if isinstance(data, HydroData):
+        return data
+    if isinstance(data, str | Path) or hasattr(data, "data_vars"):
+        return read_hydro(data)
+    response = getattr(data, "frdata" if hasattr(data, "frdata") else "fresp", None)
+    omega = getattr(data, "omega", None)
+    if response is None or omega is None:
+        raise InputError(f"data: {type(data).__name__} found; HydroData, xarray.Dataset, ct.FrequencyResponseData "
+                         "or the name of a file needed")
+    if response.shape[0] != response.shape[1]:
+        raise InputError(f"data: {response.shape[0]} outputs and {response.shape[1]} inputs found; "
+                         "as many of both needed")
+    if getattr(data, "dt", None):
+        raise InputError(f"data: a discrete response (dt = {data.dt:g} s); one of continuous time is needed")
+    omega = np.asarray(omega, dtype=float)
+    if (omega <= 0.0).any():
+        raise InputError(f"data: omega = {omega.min():g} rad/s found; frequencies above zero are needed "
+                         "(K(0) is set by at_zero)")
+    K = np.moveaxis(np.asarray(response), -1, 0)
+    dofs = tuple(label.removesuffix("_vel").replace("[", "").replace("]", "") for label in data.input_labels)
+    return HydroData(omega, K.imag / omega[:, None, None], K.real, np.zeros(K.shape[1:]), dofs=dofs,
+                     source=str(getattr(data, "name", "")))
