@@ -14,13 +14,13 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, with_numbers
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
 from radiation_ss.inference.motion import MeasuredMotion, recorded_force, recorded_noise
 from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.search import Found, solve_set, start_sizes
+from radiation_ss.inference.search import Found, solve_set
 from radiation_ss.inference.sensor_noise import noise_of
 from radiation_ss.inference.trajectory_fit import fit_trajectories
-from radiation_ss.records.columns import QUANTITIES, RATES
+from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
@@ -74,21 +74,6 @@ def of_size(pair: Fitted, problem: EquationError, known: Sequence[Record], toler
 def farthest(own: Sequence[OwnNumber], pair: Fitted) -> float:
     """Return by how many stated tolerances the nominal number is off that is off most."""
     return max((abs(first(a)) / o.spread for o, a in zip(own, pair.best.nominal)), default=0.0)
-
-
-def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
-    """Return the same set of effects solved for other records."""
-    terms = (with_numbers(problem, term, {}) for term in candidate.terms)
-    found = solve_set(problem, [t for t in terms if t is not None], start_sizes(problem), rules.search)
-    return replace(found, point=candidate.point)
-
-
-def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: dict[str, float],
-            rules: Rules) -> tuple[FittedSet, Fitted]:
-    """Return the numbers of the set without effects and of the best one by other records."""
-    again = carried(pair.candidate, problem, rules)
-    return (numbers(problem, carried(null, problem, rules), tolerated, rules),
-            Fitted(numbers(problem, again, tolerated, rules), again, pair.errors))
 
 
 def sizes_of(model: Model, data: Data) -> dict[tuple[str, int], float]:
@@ -283,13 +268,6 @@ def in_second_sensors(problem: EquationError, candidate: Candidate) -> FloatArra
             made = np.linalg.norm(np.asarray(term.columns.values[p.rows]) @ strengths) if p.order >= 0 else 0.0
             found[k] = max(found[k], float(made / size))
     return found
-
-
-def channels_of(problem: EquationError, active: Active) -> tuple[str, ...]:
-    """Return the channels that an effect is of, where it is of second sensors alone."""
-    read = {(s.order, s.dof) for run in problem.runs for s in run.sensors if not active.of_first_sensor}
-    return tuple(f"{active.dof}{list(RATES)[order]}" for order, dof in sorted(read)
-                 if problem.model.dofs[dof] == active.dof)
 
 
 def contributions(pair: Fitted, fitted: Sequence[Record]) -> FloatArray:

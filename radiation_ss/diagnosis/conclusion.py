@@ -7,12 +7,10 @@ import numpy as np
 from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import (
     Data,
     Fitted,
     account,
-    channels_of,
     farthest,
     first,
     in_second_sensors,
@@ -21,7 +19,6 @@ from radiation_ss.diagnosis.account import (
     of_size,
     place,
     predictable,
-    retried,
 )
 from radiation_ss.diagnosis.left import (
     Remainder,
@@ -31,6 +28,7 @@ from radiation_ss.diagnosis.left import (
     off_zero,
     put_right,
     remainder,
+    retried,
     share_left,
     unit_of,
 )
@@ -54,9 +52,9 @@ from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, from_regression
-from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, pulled_slowly
+from radiation_ss.records.columns import RATES
 from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.headings import computed
 
@@ -219,27 +217,6 @@ def off_best(found: Found, best: Candidate, count: int) -> FloatArray:
     return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))
 
 
-def contradiction(model: Model, runs: Sequence[MeasuredMotion] = ()) -> float:
-    """Return by how much the model's coefficients are not symmetric or not passive, of their largest damping.
-
-    Root mean square over the frequencies of the motions, by the power that the largest damping takes there; the largest
-    one without a motion.
-    """
-    data = model.hydro
-    if data is None:
-        return 0.0
-    report = data.check()
-    if not any(f.problem and f.kind in ("negative damping", "asymmetry") for f in report.findings):
-        return 0.0
-    off = np.clip(np.maximum(-report.smallest_eigenvalue, report.asymmetry), 0.0, 1.0)
-    damping, energy, met = np.einsum("wii->wi", data.B).max(axis=0), 0.0, 0.0
-    for run in runs:
-        power = damping @ np.abs(np.fft.rfft(run.v, axis=1)) ** 2
-        there = np.interp(2.0 * np.pi * np.fft.rfftfreq(run.time.size, run.dt), data.omega, off)
-        energy, met = energy + float(power.sum()), met + float(power @ there**2)
-    return float(np.sqrt(met / energy) if energy > 0.0 else off.max())
-
-
 def shrinks(ledger: Budget, rules: Rules) -> bool:
     """Whether the best set leaves less of unseen records than there was, or no gap that matters."""
     return not ledger.unseen or ledger.after < ledger.before or ledger.after**2 < ledger.noise**2 + rules.matters**2
@@ -256,6 +233,13 @@ def name(problem: EquationError, active: Active, stds: Sequence[float], chance: 
     second = active.other or active.dof
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
     return Named(active.name, place(active), numbers_told(active, stds), units, chance, channels_of(problem, active))
+
+
+def channels_of(problem: EquationError, active: Active) -> tuple[str, ...]:
+    """Return the channels that an effect is of, where it is of second sensors alone."""
+    read = {(s.order, s.dof) for run in problem.runs for s in run.sensors if not active.of_first_sensor}
+    return tuple(f"{active.dof}{list(RATES)[order]}" for order, dof in sorted(read)
+                 if problem.model.dofs[dof] == active.dof)
 
 
 def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:

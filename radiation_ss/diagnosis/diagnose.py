@@ -9,7 +9,7 @@ from radiation_ss.arrays import generator, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data
-from radiation_ss.diagnosis.conclusion import concluded, contradiction
+from radiation_ss.diagnosis.conclusion import concluded
 from radiation_ss.diagnosis.prediction import clocks, split
 from radiation_ss.diagnosis.result import Diagnosis
 from radiation_ss.diagnosis.rules import Rules
@@ -21,7 +21,7 @@ from radiation_ss.hydro.data import mode
 from radiation_ss.inference.candidates import terms_of
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
-from radiation_ss.inference.motion import measured_motion, parted
+from radiation_ss.inference.motion import MeasuredMotion, measured_motion, parted
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves, not_measured, unmoved
 from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
@@ -170,6 +170,27 @@ def posed(model: Model, records: Sequence[Record], tolerated: dict[str, float], 
     """Return the regression problem of some records."""
     return equation_error(model, [measured_motion(model, r, rules.resolution) for r in records], tolerated,
                           rules.discrepancy)
+
+
+def contradiction(model: Model, runs: Sequence[MeasuredMotion] = ()) -> float:
+    """Return by how much the model's coefficients are not symmetric or not passive, of their largest damping.
+
+    Root mean square over the frequencies of the motions, by the power that the largest damping takes there; the largest
+    one without a motion.
+    """
+    data = model.hydro
+    if data is None:
+        return 0.0
+    report = data.check()
+    if not any(f.problem and f.kind in ("negative damping", "asymmetry") for f in report.findings):
+        return 0.0
+    off = np.clip(np.maximum(-report.smallest_eigenvalue, report.asymmetry), 0.0, 1.0)
+    damping, energy, met = np.einsum("wii->wi", data.B).max(axis=0), 0.0, 0.0
+    for run in runs:
+        power = damping @ np.abs(np.fft.rfft(run.v, axis=1)) ** 2
+        there = np.interp(2.0 * np.pi * np.fft.rfftfreq(run.time.size, run.dt), data.omega, off)
+        energy, met = energy + float(power.sum()), met + float(power @ there**2)
+    return float(np.sqrt(met / energy) if energy > 0.0 else off.max())
 
 
 def considered(model: Model, effects: Sequence[str | Effect] | None, absent: Sequence[str],

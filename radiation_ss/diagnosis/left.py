@@ -1,5 +1,5 @@
 """What the best set leaves: a force beyond noise and tolerances, whether it is slow against the motion; zeros that are
-off, put right by the first effect that makes them so.
+off, put right by the first effect that makes them so; the same set solved for other records.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import kurtosis
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.diagnosis.account import Data, Fitted, carried, numbers
+from radiation_ss.diagnosis.account import Data, Fitted, numbers
 from radiation_ss.diagnosis.prediction import cosines, energy, without_slow
 from radiation_ss.diagnosis.result import Named
 from radiation_ss.diagnosis.rules import Rules
@@ -18,14 +18,14 @@ from radiation_ss.diagnosis.shares import DRIFT, Budget
 from radiation_ss.effects import effect_named
 from radiation_ss.effects.definition import slab
 from radiation_ss.hydro.data import force_unit, motion_unit
-from radiation_ss.inference.candidates import Candidate
+from radiation_ss.inference.candidates import Candidate, FittedSet, with_numbers
 from radiation_ss.inference.force_errors import typical_frequency
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise, projected
-from radiation_ss.inference.search import Found, solve_set
+from radiation_ss.inference.search import Found, solve_set, start_sizes
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.headings import computed
 
@@ -127,6 +127,21 @@ def beside_slow(problem: EquationError, place: Place, residual: FloatArray,
 def left_by(problem: EquationError, candidate: Candidate, known: bool = False) -> FloatArray:
     """Return the equation error that a set leaves; `known`: beside what is known of."""
     return problem.residual([term.columns for term in candidate.terms], candidate.posterior, known)
+
+
+def carried(candidate: Candidate, problem: EquationError, rules: Rules) -> Candidate:
+    """Return the same set of effects solved for other records."""
+    terms = (with_numbers(problem, term, {}) for term in candidate.terms)
+    found = solve_set(problem, [t for t in terms if t is not None], start_sizes(problem), rules.search)
+    return replace(found, point=candidate.point)
+
+
+def retried(pair: Fitted, null: Candidate, problem: EquationError, tolerated: dict[str, float],
+            rules: Rules) -> tuple[FittedSet, Fitted]:
+    """Return the numbers of the set without effects and of the best one by other records."""
+    again = carried(pair.candidate, problem, rules)
+    return (numbers(problem, carried(null, problem, rules), tolerated, rules),
+            Fitted(numbers(problem, again, tolerated, rules), again, pair.errors))
 
 
 @dataclass(frozen=True, eq=False)
