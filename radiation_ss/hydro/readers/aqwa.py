@@ -4,14 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.assemble import assemble, bodies, constants, delay, log, six_dofs
+from radiation_ss.hydro.readers.assemble import about_points, constants, log
 
 MOST = 10_000
 # By its heading what a block is labelled by (structure b, heading h, frequency k), and its rows and columns.
@@ -85,24 +84,8 @@ def read(path: Path, **given: float) -> HydroData:
         log.warning(notes[-1])
     notes += [f"{path}: no block {name}, so no {what}" for name, what in (("ADDEDMASS_HF", "A_inf"), ("FORCERAO", "X"))
               if name not in found]
-    return whole(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), found["COG"][:, 0], headings,
-                 found.get("FORCERAO"), notes=notes, **stated, **fields)
-
-
-def whole(path: Path, omega: FloatArray, A: ArrayLike, B: ArrayLike, points: FloatArray, headings: FloatArray,
-          force: FloatArray | None, **fields: Any) -> HydroData:
-    """Return HydroData of AQWA's results; `points` (bodies, 3): the centres of gravity, which rotations are about.
-
-    `force` [body, heading, frequency, (amplitude, phase in deg), i]: the phases are lags behind the wave at each centre
-    of gravity, those of X leads over the wave at the origin.
-    """
-    dofs = six_dofs([""] * len(points))
-    if force is not None:
-        lagged = force[..., 0, :] * np.exp(-1j * np.deg2rad(force[..., 1, :]))
-        X = [part * delay(omega, headings, point, fields["g"], fields["depth"]).T[:, :, None]
-             for part, point in zip(lagged, points)]
-        fields |= {"X": np.concatenate(X, axis=-1).swapaxes(0, 1), "directions": headings}
-    return assemble(path, omega, A, B, dofs, points=dict(zip(bodies(dofs), map(tuple, points))), **fields)
+    return about_points(path, omega, joined(found["ADDEDMASS"]), joined(found["DAMPING"]), found["COG"][:, 0], headings,
+                        found.get("FORCERAO"), notes=notes, **stated, **fields)
 
 
 def joined(blocks: FloatArray) -> FloatArray:

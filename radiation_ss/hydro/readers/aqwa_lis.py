@@ -16,8 +16,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import HydroData
 from radiation_ss.hydro.readers import text
-from radiation_ss.hydro.readers.aqwa import whole
-from radiation_ss.hydro.readers.assemble import constants
+from radiation_ss.hydro.readers.assemble import about_points, constants
 
 LABELS = ["X", "Y", "Z", "RX", "RY", "RZ"]
 SECTION = "HYDRODYNAMICPARAMETERS"
@@ -55,7 +54,8 @@ def read(path: Path, **given: float) -> HydroData:
     notes += [f"{path}: {note}" for note in [alone] * (not coupled) + [high]]
     A, B = ([_whole(found[w], name, count) for w in omega] for name in "AB")
     headings, force = _forces(path, lines, bare, omega, count)
-    return whole(path, omega, A, B, np.array(list(centres.values())), headings, force, notes=notes, **stated, **fields)
+    return about_points(path, omega, A, B, np.array(list(centres.values())), headings, force, notes=notes, **stated,
+                        **fields)
 
 
 def _complete(path: Path, found: Tables, count: int) -> bool:

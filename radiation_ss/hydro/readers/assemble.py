@@ -88,6 +88,22 @@ def assemble(path: Path | str, omega: ArrayLike, A: ArrayLike, B: ArrayLike, dof
     return data
 
 
+def about_points(path: Path, omega: FloatArray, A: ArrayLike, B: ArrayLike, points: FloatArray, headings: FloatArray,
+                 force: FloatArray | None, **fields: Any) -> HydroData:
+    """Return HydroData of bodies of six degrees of freedom, each about its own point, (bodies, 3).
+
+    `force` [body, heading, frequency, (amplitude, phase in deg), i]: the phases are lags behind the wave at each body's
+    point, those of X leads over the wave at the origin.
+    """
+    dofs = six_dofs([""] * len(points))
+    if force is not None:
+        lagged = force[..., 0, :] * np.exp(-1j * np.deg2rad(force[..., 1, :]))
+        X = [part * delay(omega, headings, point, fields["g"], fields["depth"]).T[:, :, None]
+             for part, point in zip(lagged, points)]
+        fields |= {"X": np.concatenate(X, axis=-1).swapaxes(0, 1), "directions": headings}
+    return assemble(path, omega, A, B, dofs, points=dict(zip(bodies(dofs), map(tuple, points))), **fields)
+
+
 def constants(path: Path | str, in_file: Mapping[str, float | None], given: Mapping[str, float],
               notes: list[str]) -> dict[str, Any]:
     """Return density, gravity and depth, each from the file, else as given, else the usual one, which is noted."""
