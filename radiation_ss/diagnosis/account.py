@@ -141,7 +141,7 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
         return made
 
     causes = [Row("recalibration", "", 0.0, (0.0, 0.0))]
-    causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get((a.name, a.dof, a.other), 0.0),
+    causes += [Row(a.name, place(a), 0.0, (0.0, 0.0), found.inclusion.get(a.key, 0.0),
                    numbers_told(a, stds), curve_of(a))
                for a, stds in zip(best.effects, best.effects_std)]
     drifts = {len(causes) + k: {at: top for at, top in below.items() if model.dofs[at[1]] == row.dof}

@@ -133,7 +133,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     problem, dofs = found.problem, found.problem.model.dofs
     seen = np.maximum(closed, in_second_sensors(problem, pair.candidate))
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
-    sized = [(name(problem, active, stds, found.inclusion.get((active.name, active.dof, active.other), 0.0)),
+    sized = [(name(problem, active, stds, found.inclusion.get(active.key, 0.0)),
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, seen)
              if size >= rules.matters and active.effect.family != "offset"]

@@ -195,6 +195,11 @@ class Active:
         return self.effect.name
 
     @property
+    def key(self) -> tuple[str, str, str]:
+        """Name and places."""
+        return self.name, self.dof, self.other
+
+    @property
     def label(self) -> str:
         """Name and place, as 'quadratic_drag on Heave'."""
         link = "with" if self.effect.scope == "directed" else "and"

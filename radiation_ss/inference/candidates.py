@@ -44,7 +44,7 @@ class Term:
     @property
     def key(self) -> Key:
         """Name and places."""
-        return self.active.name, self.active.dof, self.active.other
+        return self.active.key
 
     @property
     def strengths(self) -> list[str]:

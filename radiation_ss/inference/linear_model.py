@@ -155,6 +155,20 @@ class Posterior:
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
 
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of a least-squares fit: cost, information and right side, and what they are made of.
+
+    Of each record: weighted errors (rows,), their derivatives (rows, some unknowns) and these unknowns' positions.
+    """
+
+    cost: float
+    information: FloatArray
+    slope: FloatArray
+    errors: list[FloatArray]
+    parts: list[tuple[FloatArray, np.ndarray]]
+
+
 def variance(rows: Rows, sizes: Sizes, change: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the variance of noise and of the two kinds of unexplained force in each row.
 

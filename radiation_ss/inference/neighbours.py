@@ -13,11 +13,12 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.candidates import Key, Term, twins
 from radiation_ss.inference.effect_features import features_of
+from radiation_ss.inference.linear_model import Normal
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.odds import SearchRules, log_prior
 from radiation_ss.inference.score import Score, alike, products
-from radiation_ss.inference.trajectory import Normal, Trajectories
-from radiation_ss.inference.trajectory_fit import Added, Theory
+from radiation_ss.inference.trajectory import Trajectories
+from radiation_ss.inference.trajectory_fit import Added, Theory, numbers_at
 from radiation_ss.simulation.corrected import Corrected
 from radiation_ss.simulation.linear import Kernel, exact_step
 
@@ -80,7 +81,7 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
     """Return the sets next to one that is fitted at q, in each start of a new shape, the most promising first."""
     now, own, rules = trial.at(q), trial.candidate.terms, known.rules
     theories = [Theory.about(trial, q, now, t, rules) for t in sorted({0.0, trial.tolerance})]
-    base, at = theories[-1].evidence, trial.of_effects()
+    base, at = theories[-1].evidence, places_of_effects(trial)
     less = [Base(tuple(t for t in own if t is not out), [theory.without(at[out.key]) for theory in theories],
                  base + log_prior(out, rules, known.present))
             for out in own if out.key in at and out.active.name not in known.present]
@@ -94,6 +95,13 @@ def neighbours(trial: Trajectories, q: FloatArray, known: Proposing) -> list[Nei
     promising = (n for n in found if n.log_odds >= known.promise)
     return sorted((n for n in promising if not any(pair <= {t.kind for t in n.terms} for pair in same)),
                   key=lambda n: -n.log_odds)
+
+
+def places_of_effects(trial: Trajectories) -> dict[Key, np.ndarray]:
+    """Return the positions of each effect's parameters among the unknowns."""
+    ends = trial.rollout.offsets
+    return {a.key: np.flatnonzero((i <= trial.free) & (trial.free < j))
+            for a, i, j in list(zip(trial.actives, ends[:-1], ends[1:]))[len(trial.first.nominal):]}
 
 
 def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Term]) -> Iterator[Added]:
@@ -132,7 +140,7 @@ def simulated(trial: Trajectories, q: FloatArray) -> list[MeasuredMotion]:
 
 def linear_theory(trial: Trajectories, q: FloatArray) -> list[Kernel]:
     """Return the displacements of the corrected model by a unit of each force in each record."""
-    problem, numbers = trial.problem, trial.estimate(q, np.eye(q.size))
+    problem, numbers = trial.problem, numbers_at(trial, q, np.eye(q.size))
     corrected = Corrected({(a.name, a.dof): float(a.vector[0]) for a in numbers.nominal}, numbers.effects,
                           trial.stated, {dof: (s.x, s.omega) for dof, s in problem.scales.items()})
     plant = corrected.to_ss(problem.model)

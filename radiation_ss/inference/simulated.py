@@ -14,9 +14,11 @@ from radiation_ss.inference.candidates import Candidate, Key, own_force
 from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
 from radiation_ss.inference.force_errors import shape_errors
 from radiation_ss.inference.linear_model import joined
+from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
 from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.rows import Place
 from radiation_ss.records.record import Record
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import Channel, Prepared, prepare
@@ -38,6 +40,11 @@ class SimulatedRecords:
     effects: Sequence[Active]
     records: Sequence[int]
     most: int = 500_000
+
+    @cached_property
+    def places(self) -> dict[tuple[int, int], Place]:
+        """The rows of each record's motions."""
+        return {(p.record, p.dof): p for p in self.problem.places if p.order < 0}
 
     def steps(self, rough: float) -> tuple[float, list[float]]:
         """Return the integrator's step [s], half the longest that the model allows, and each record's for derivatives.
@@ -122,6 +129,18 @@ class SimulatedRecords:
         motion = start_of(self.problem.model, prepared, rollout.ns)
         return {"motion": motion} | (unrest_of(rollout, prepared) if self.problem.runs[r].under_way() else {})
 
+    def errors(self, r: int, prepared: Prepared, zero: float, moved: FloatArray) -> list[FloatArray]:
+        """Return what errors of readings and forces add to each channel's rows, one standard deviation each.
+
+        Zeros, slow motions that a sensor cannot tell, and the motion by the forces that no effect explains.
+        Each channel's has the shape (rows, errors).
+        """
+        run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
+        flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
+        zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
+        series = np.concatenate([zeros, run.lost[:, channels], moved[:, channels]])
+        return [on_rows(self.problem, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
+
     def moved(self, r: int, unexplained: bool) -> FloatArray:
         """Return motions from rest (k, n, nt) by forces that the simulation lacks, of one standard deviation each."""
         problem, run = self.problem, self.problem.runs[r]
@@ -154,6 +173,12 @@ class SimulatedRecords:
         moved = np.linalg.solve(Z, np.fft.rfft(np.array(forces), size).transpose(2, 1, 0))
         share = problem.discrepancy.by_record * tolerance
         return np.asarray(share * np.fft.irfft(moved.transpose(2, 1, 0), size)[..., : run.time.size])
+
+
+def on_rows(problem: EquationError, place: Place, values: FloatArray) -> FloatArray:
+    """Return signals (k, nt) as the rows of a place see them, (k, rows)."""
+    found = projected_on(problem.runs[place.record].basis, values, bins=place.bins)
+    return found.reshape(len(values), place.rows.stop - place.rows.start)
 
 
 def begun(problem: EquationError, rollout: Rollout, r: int) -> FloatArray:

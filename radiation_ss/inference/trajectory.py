@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Slab, slab, vector_of
@@ -15,35 +15,18 @@ from radiation_ss.effects.nominal import simulated_numbers
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import (
     Candidate,
-    FittedSet,
     Key,
     Term,
     from_regression,
     scales_at,
     unseen_strengths,
 )
-from radiation_ss.inference.linear_model import joined
-from radiation_ss.inference.local_cosine import projected_on
+from radiation_ss.inference.linear_model import Normal, joined
 from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
-from radiation_ss.inference.simulated import SimulatedRecords, begun, blocks_of
-from radiation_ss.simulation.prepared import Channel, Prepared
+from radiation_ss.inference.simulated import SimulatedRecords, begun, blocks_of, on_rows
 from radiation_ss.simulation.rollout import Motion, reading
-
-
-@dataclass(frozen=True, eq=False)
-class Normal:
-    """Normal equations of a least-squares fit: cost, information and right side, and what they are made of.
-
-    Of each record: weighted errors (rows,), their derivatives (rows, some unknowns) and these unknowns' positions.
-    """
-
-    cost: float
-    information: FloatArray
-    slope: FloatArray
-    errors: list[FloatArray]
-    parts: list[tuple[FloatArray, np.ndarray]]
 
 
 def cost_of(q: FloatArray, errors: list[FloatArray]) -> float:
@@ -100,10 +83,10 @@ class Trajectories:
         self.starts = [np.hstack(list(parts.values())) for parts in begins]
         # Of many long records the force itself is large.
         self.prepared, self.coarse = ([p.settled() for p in some] for some in (self.prepared, self.coarse))
-        self.places = {(p.record, p.dof): p for p in problem.places if p.order < 0}
+        self.places = simulated.places
         self.added: list[list[FloatArray]] = like.added if like else [
-            self._errors(r, p, zero, np.concatenate([simulated.moved(r, unexplained),
-                                                     simulated.moved_by_waves(r, scale * tolerance["force"])]))
+            simulated.errors(r, p, zero, np.concatenate([simulated.moved(r, unexplained),
+                                                         simulated.moved_by_waves(r, scale * tolerance["force"])]))
             for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
@@ -133,21 +116,25 @@ class Trajectories:
         sizes = [len(a.effect.parameters) for a in self.actives[own:]]
         return np.where(self.strength, np.r_[np.ones(own), np.repeat(widths, sizes)][self.free], 1.0)
 
+    def changed(self, **attributes: Any) -> Trajectories:
+        """Return the same simulation with other attributes."""
+        found = copy(self)
+        vars(found).update(attributes)
+        return found
+
     def about(self, terms: Sequence[Term]) -> Trajectories:
         """Return the same simulation with the shapes' priors about the starts of the same effects' other terms."""
-        found, others = copy(self), {term.key: term for term in terms}
-        own = self.candidate.terms
-        found.candidate = replace(self.candidate, terms=tuple(others[t.key].widened(t.width) for t in own))
-        found.mean = self._middle(found.candidate)
-        return found
+        others = {term.key: term for term in terms}
+        own = tuple(others[t.key].widened(t.width) for t in self.candidate.terms)
+        candidate = replace(self.candidate, terms=own)
+        return self.changed(candidate=candidate, mean=self._middle(candidate))
 
     def in_widths_of(self, terms: Sequence[Term], q: FloatArray) -> tuple[Trajectories, FloatArray]:
         """Return the same simulation with the strengths' priors as wide as those of terms, and the unknowns of q."""
-        found, point = copy(self), q.copy()
-        found.candidate = replace(self.candidate, terms=tuple(terms))
-        wider = self._widths(found.candidate) / self._widths(self.candidate)
-        found.sd, point[: wider.size] = wider * self.sd, q[: wider.size] / wider
-        return found, point
+        candidate, point = replace(self.candidate, terms=tuple(terms)), q.copy()
+        wider = self._widths(candidate) / self._widths(self.candidate)
+        point[: wider.size] = q[: wider.size] / wider
+        return self.changed(candidate=candidate, sd=wider * self.sd), point
 
     def in_units_of(self, tolerance: float) -> FloatArray:
         """Return the unknowns that are one of those with another log of the common factor of the tolerances."""
@@ -155,64 +142,17 @@ class Trajectories:
 
     def tolerating(self, tolerance: float) -> Trajectories:
         """Return the same simulation with another log of the common factor of the tolerances."""
-        found = copy(self)
-        found.sd = self.in_units_of(tolerance)[: self.free.size] * self.sd
-        found.forces_sd, found.tolerance = float(np.exp(tolerance - self.tolerance)) * self.forces_sd, tolerance
-        return found
+        return self.changed(tolerance=tolerance, sd=self.in_units_of(tolerance)[: self.free.size] * self.sd,
+                            forces_sd=float(np.exp(tolerance - self.tolerance)) * self.forces_sd)
 
     def with_noise(self, noise: FloatArray) -> Trajectories:
         """Return the same simulation with the errors' standard deviations of each motion multiplied by factors (n,)."""
-        found = copy(self)
-        found.noise = noise
-        return found
+        return self.changed(noise=noise)
 
     def first_blocks(self, count: int) -> Trajectories:
         """Return the same simulation with errors in the first blocks of each record alone, `count` of them."""
-        found = copy(self)
-        found.weights = {place: np.where(np.arange(w.size) < count * place.bins, w, 0.0)
-                         for place, w in self.weights.items()}
-        found.telling = {}
-        return found
-
-    def squares(self, now: Normal) -> tuple[FloatArray, FloatArray]:
-        """Return the sums of squares of each motion's weighted errors (n,), with what the unknowns' variance adds.
-
-        And the numbers of rows, each of the power of its likelihood.
-        """
-        covariance, power = np.linalg.inv(now.information), self.problem.rows.power
-        total, count = np.zeros((2, self.noise.size))
-        for k, (error, (J, at)) in enumerate(zip(now.errors, now.parts)):
-            square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
-            places = [self.places[self.records[k], c.dof] for c in self.prepared[k].channels]
-            dofs = np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places])
-            total += np.bincount(dofs, square, total.size)
-            count += np.bincount(dofs, np.concatenate([power[p.rows] for p in places]), total.size)
-        return total * self.noise**2, count
-
-    def at_numbers(self, terms: Sequence[Term], point: FloatArray) -> list[Term]:
-        """Return the terms with their numbers among nominal numbers and effects' parameters."""
-        ends = self.rollout.offsets
-        found = {(a.name, a.dof, a.other): a.with_values(point[i:j].tolist())
-                 for a, i, j in zip(self.actives, ends[:-1], ends[1:])}
-        return [replace(term, active=found.get(term.key, term.active)) for term in terms]
-
-    def of_effects(self) -> dict[Key, np.ndarray]:
-        """Return the positions of each effect's parameters among the unknowns."""
-        ends = self.rollout.offsets
-        return {(a.name, a.dof, a.other): np.flatnonzero((i <= self.free) & (self.free < j))
-                for a, i, j in list(zip(self.actives, ends[:-1], ends[1:]))[len(self.first.nominal):]}
-
-    def _errors(self, r: int, prepared: Prepared, zero: float, moved: FloatArray) -> list[FloatArray]:
-        """Return what errors of readings and forces add to each channel's rows, one standard deviation each.
-
-        Zeros, slow motions that a sensor cannot tell, and the motion by the forces that no effect explains.
-        Each channel's has the shape (rows, errors).
-        """
-        run, channels = self.problem.runs[r], [c.dof for c in prepared.channels]
-        flat = np.diag([zero * np.std(c.value) for c in prepared.channels])
-        zeros = np.broadcast_to(flat[:, :, None], (*flat.shape, run.time.size))
-        series = np.concatenate([zeros, run.lost[:, channels], moved[:, channels]])
-        return [self._project(r, self.places[r, dof], series[:, c]).T for c, dof in enumerate(channels)]
+        weights = {place: np.where(np.arange(w.size) < count * place.bins, w, 0.0) for place, w in self.weights.items()}
+        return self.changed(weights=weights, telling={})
 
     def parameters(self, q: FloatArray) -> FloatArray:
         """Return all parameters in their own units."""
@@ -242,14 +182,6 @@ class Trajectories:
             q[self.offsets[k]:self.offsets[k] + basis.shape[1]] = np.linalg.lstsq(basis, state, rcond=None)[0]
         return self.inside(q)
 
-    def log_allowed(self, q: FloatArray, now: Normal) -> float:
-        """Return the log probability that the effects' parameters are within their bounds, over that of the prior."""
-        k = np.flatnonzero(~self.tolerated[: self.free.size])
-        low, high = ((bound[k] - self.mean[k]) / self.sd[k] for bound in (self.lower, self.upper))
-        std = np.sqrt(np.maximum(np.diag(np.linalg.inv(now.information))[k], 1e-300))
-        prior, posterior = norm.cdf(high) - norm.cdf(low), norm.cdf((high - q[k]) / std) - norm.cdf((low - q[k]) / std)
-        return float(np.sum(np.log(np.maximum(posterior, 1e-3)) - np.log(np.maximum(prior, 1e-3))))
-
     def inside(self, q: FloatArray) -> FloatArray:
         """Return the unknowns with every parameter within its physical bounds."""
         found = q.copy()
@@ -259,9 +191,8 @@ class Trajectories:
 
     def held(self, q: FloatArray) -> Trajectories:
         """Return the same simulation with nominal numbers and effects' parameters held as they are in q."""
-        found = copy(self)
-        found.lower = found.upper = self.parameters(q)[self.free]
-        return found
+        at = self.parameters(q)[self.free]
+        return self.changed(lower=at, upper=at)
 
     def near(self, q: FloatArray, known: Normal) -> Normal:
         """Return the normal equations with the derivatives of another point: the cost (the prior's among it) is exact.
@@ -279,10 +210,8 @@ class Trajectories:
 
     def weighted(self, k: int, readings: FloatArray) -> FloatArray:
         """Return the rows of what is read in a record, (n, nt), as errors are weighted."""
-        r = self.records[k]
-        places = [self.places[r, channel.dof] for channel in self.prepared[k].channels]
-        weights = [self.weights[p] / self.noise[p.dof] for p in places]
-        return np.concatenate([w * self._project(r, p, readings[p.dof][None])[0] for w, p in zip(weights, places)])
+        return np.concatenate([weight * on_rows(self.problem, place, readings[place.dof][None])[0]
+                               for place, weight in self._placed(k)])
 
     def motion(self, k: int, q: FloatArray) -> tuple[FloatArray, Motion]:
         """Return the times of a record's simulation, and its motion."""
@@ -319,9 +248,9 @@ class Trajectories:
             p = self._own_parameters(k, q)
             motion = self.rollout.run(self.starts[k] @ q[own], self.rollout.drive(prepared, p), prepared.grid, p,
                                       acceleration=False)
-            missed = [(c, c.value - reading(self.rollout, motion, prepared.grid, c, p)[0]) for c in prepared.channels]
-            found.append(np.concatenate([self._weight(k, c) * (self._projected(k, c, miss[None])[0] - by @ q[errors])
-                                         for (c, miss), by in zip(missed, added)]))
+            missed = [c.value - reading(self.rollout, motion, prepared.grid, c, p)[0] for c in prepared.channels]
+            found.append(np.concatenate([weight * (on_rows(self.problem, place, miss[None])[0] - by @ q[errors])
+                                         for (place, weight), miss, by in zip(self._placed(k), missed, added)]))
         return found
 
     def derivatives(self, k: int, q: FloatArray) -> tuple[FloatArray, np.ndarray]:
@@ -339,11 +268,11 @@ class Trajectories:
         motion = rollout.run(basis @ q[own], rollout.drive(prepared, p), prepared.grid, p, columns=into, d_start=begin,
                              acceleration=False)
         found = []
-        for channel, added in zip(prepared.channels, self.added[k]):
+        for channel, (place, weight), added in zip(prepared.channels, self._placed(k), self.added[k]):
             _, slope = reading(rollout, motion, prepared.grid, channel, p, into)
             assert slope is not None
-            moved = np.hstack([self._projected(k, channel, slope.T).T, added])
-            found.append(self._weight(k, channel)[:, None] * moved)
+            moved = np.hstack([on_rows(self.problem, place, slope.T).T, added])
+            found.append(weight[:, None] * moved)
         derivatives = np.concatenate(found)
         if k not in self.telling:
             known = np.sum(derivatives[:, :at.size] ** 2, axis=0) > self.told
@@ -363,24 +292,7 @@ class Trajectories:
         p[self.forces] += self.forces_sd * q[self._parts(k)[2]]
         return p
 
-    def _weight(self, k: int, channel: Channel) -> FloatArray:
-        return self.weights[self.places[self.records[k], channel.dof]] / self.noise[channel.dof]
-
-    def _projected(self, k: int, channel: Channel, values: FloatArray) -> FloatArray:
-        r = self.records[k]
-        return self._project(r, self.places[r, channel.dof], values)
-
-    def _project(self, r: int, place: Place, values: FloatArray) -> FloatArray:
-        return projected_on(self.problem.runs[r].basis, values, bins=place.bins).reshape(
-            len(values), place.rows.stop - place.rows.start)
-
-    def estimate(self, q: FloatArray, covariance: FloatArray) -> FittedSet:
-        """Return the numbers at a point."""
-        p, std = self.parameters(q), np.zeros(self.base.size)
-        std[self.free] = self.sd * np.sqrt(np.diag(covariance)[: self.free.size])
-        parts, spreads = (np.split(x, self.rollout.offsets[1:-1]) for x in (p, std))
-        actives = [a.with_values(x.tolist()) for a, x in zip(self.actives, parts)]
-        own, effects, stds = len(self.first.nominal), list(self.first.effects), list(self.first.effects_std)
-        for k, active, own_std in zip(self.kept, actives[own:], spreads[own:]):
-            effects[k], stds[k] = active, tuple(own_std.tolist())
-        return FittedSet(tuple(actives[:own]), tuple(effects), tuple(float(s[0]) for s in spreads[:own]), tuple(stds))
+    def _placed(self, k: int) -> list[tuple[Place, FloatArray]]:
+        """Return the rows of each channel of a record, and their weights."""
+        places = [self.places[self.records[k], channel.dof] for channel in self.prepared[k].channels]
+        return [(place, self.weights[place] / self.noise[place.dof]) for place in places]

@@ -9,11 +9,11 @@ from scipy.optimize import minimize_scalar
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
-from radiation_ss.inference.linear_model import bounded_step
+from radiation_ss.inference.linear_model import Normal, bounded_step
 from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.score import Score, log_factors, products
-from radiation_ss.inference.trajectory import Normal, Trajectories
+from radiation_ss.inference.trajectory import Trajectories
 
 
 @dataclass(frozen=True)
@@ -158,9 +158,25 @@ def with_sizes(trial: Trajectories, q: FloatArray, now: Normal, rules: SearchRul
     return trial, q, now
 
 
+def squares_of(trial: Trajectories, now: Normal) -> tuple[FloatArray, FloatArray]:
+    """Return the sums of squares of each motion's weighted errors (n,), with what the unknowns' variance adds.
+
+    And the numbers of rows, each of the power of its likelihood.
+    """
+    covariance, power = np.linalg.inv(now.information), trial.problem.rows.power
+    total, count = np.zeros((2, trial.noise.size))
+    for k, (error, (J, at)) in enumerate(zip(now.errors, now.parts)):
+        square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
+        places = [trial.places[trial.records[k], c.dof] for c in trial.prepared[k].channels]
+        dofs = np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places])
+        total += np.bincount(dofs, square, total.size)
+        count += np.bincount(dofs, np.concatenate([power[p.rows] for p in places]), total.size)
+    return total * trial.noise**2, count
+
+
 def likely_noise(trial: Trajectories, now: Normal, rules: SearchRules) -> FloatArray:
     """Return the most probable factors of the errors' standard deviations about a fit, (n,)."""
-    squares, count = trial.squares(now)
+    squares, count = squares_of(trial, now)
     found = np.ones(squares.size)
 
     def negative(log: float, i: int) -> float:
@@ -173,7 +189,7 @@ def likely_noise(trial: Trajectories, now: Normal, rules: SearchRules) -> FloatA
 
 def log_noise(trial: Trajectories, now: Normal, noise: FloatArray, rules: SearchRules, errors: bool = False) -> float:
     """Return the log density of errors of some standard deviations, of none or as they are, and of the factors."""
-    squares, count = trial.squares(now)
+    squares, count = squares_of(trial, now)
     log = np.log(noise)
     return float(-count @ log - 0.5 * np.sum((log / rules.sizes.noise) ** 2) - 0.5 * errors * (squares @ noise**-2.0))
 
@@ -203,13 +219,25 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     if reached is None:
         return fallback
     trial, q, now = with_sizes(trial, *reached, search, rules)
-    squares, count = trial.squares(now)
+    squares, count = squares_of(trial, now)
     if np.any(squares > rules.misfit**2 * count):
         return fallback
     try:
-        return trial.estimate(q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
+        return numbers_at(trial, q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
     except np.linalg.LinAlgError:
         return fallback
+
+
+def numbers_at(trial: Trajectories, q: FloatArray, covariance: FloatArray) -> FittedSet:
+    """Return the numbers at a point."""
+    p, std = trial.parameters(q), np.zeros(trial.base.size)
+    std[trial.free] = trial.sd * np.sqrt(np.diag(covariance)[: trial.free.size])
+    parts, spreads = (np.split(x, trial.rollout.offsets[1:-1]) for x in (p, std))
+    actives = [a.with_values(x.tolist()) for a, x in zip(trial.actives, parts)]
+    own, effects, stds = len(trial.first.nominal), list(trial.first.effects), list(trial.first.effects_std)
+    for k, active, own_std in zip(trial.kept, actives[own:], spreads[own:]):
+        effects[k], stds[k] = active, tuple(own_std.tolist())
+    return FittedSet(tuple(actives[:own]), tuple(effects), tuple(float(s[0]) for s in spreads[:own]), tuple(stds))
 
 
 def lowest(trial: Trajectories, q: FloatArray, rules: FitRules) -> tuple[FloatArray, Normal] | None:

@@ -4,19 +4,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
-from radiation_ss.inference.linear_model import Sizes, joined
+from radiation_ss.inference.linear_model import Normal, Sizes, joined
 from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
 from radiation_ss.inference.odds import SearchRules, in_likelier_widths, log_prior
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import solve
 from radiation_ss.inference.score import gains
 from radiation_ss.inference.search import Found, solve_set
-from radiation_ss.inference.trajectory import Normal, Trajectories
+from radiation_ss.inference.trajectory import Trajectories
 from radiation_ss.inference.trajectory_fit import FitRules, likely_noise, log_noise, lowest, with_sizes
 
 Number = tuple[Key, str]
@@ -88,11 +89,11 @@ class Weighing:
                for a, b in zip(trial.candidate.terms, candidate.terms)):
             candidate = self.by_equation(trial.candidate.terms, candidate.posterior.sizes)
         evidence = -0.5 * (now.cost + np.linalg.slogdet(now.information)[1]) + of_each_record(problem, candidate)
-        evidence += trial.log_allowed(q, now) + log_noise(trial, now, trial.noise, self.rules) + agree
+        evidence += log_within_bounds(trial, q, now) + log_noise(trial, now, trial.noise, self.rules) + agree
         # The shapes are unknowns of the trajectories: the prior is that of their starts.
         point = trial.parameters(q)
         prior = sum(log_prior(term, self.rules, self.proposing.present) - term.volume
-                    for term in trial.at_numbers(trial.candidate.terms, point))
+                    for term in at_numbers(trial, trial.candidate.terms, point))
         prior -= 0.5 * (trial.tolerance / self.rules.sizes.tolerance) ** 2
         sizes = replace(candidate.posterior.sizes, tolerance=trial.tolerance)
         candidate = replace(candidate, terms=trial.candidate.terms, point=point,
@@ -104,7 +105,7 @@ class Weighing:
                            now: Normal) -> tuple[Trajectories, FloatArray, Normal]:
         """Return a fit with each force in the part of its prior that is likelier of its numbers."""
         terms = trial.candidate.terms
-        likelier = in_likelier_widths(trial.at_numbers(terms, trial.parameters(q)), terms, self.rules)
+        likelier = in_likelier_widths(at_numbers(trial, terms, trial.parameters(q)), terms, self.rules)
         if all(new is old for new, old in zip(likelier, terms)):
             return trial, q, now
         wider, start = trial.in_widths_of(likelier, q)
@@ -131,7 +132,7 @@ class Weighing:
         point = dict(zip(names(trial), trial.parameters(q)))
         for active, stds in zip(trial.first.effects, trial.first.effects_std):
             for (name, value), std in zip(active.values.items(), stds):
-                own = point.get(((active.name, active.dof, active.other), name), value)
+                own = point.get((active.key, name), value)
                 if active.effect.parameters[name].strength and std > 0.0 and abs(value) > sure * std \
                         and not 1.0 / times < own / value < times:
                     return True
@@ -238,7 +239,24 @@ def let_go(problem: EquationError) -> bool:
 
 def names(trial: Trajectories) -> list[Number]:
     """Return whose number each parameter of a simulation is."""
-    return [((a.name, a.dof, a.other), name) for a in trial.actives for name in a.effect.parameters]
+    return [(a.key, name) for a in trial.actives for name in a.effect.parameters]
+
+
+def at_numbers(trial: Trajectories, terms: Sequence[Term], point: FloatArray) -> list[Term]:
+    """Return the terms with their numbers among nominal numbers and effects' parameters."""
+    ends = trial.rollout.offsets
+    found = {a.key: a.with_values(point[i:j].tolist())
+             for a, i, j in zip(trial.actives, ends[:-1], ends[1:])}
+    return [replace(term, active=found.get(term.key, term.active)) for term in terms]
+
+
+def log_within_bounds(trial: Trajectories, q: FloatArray, now: Normal) -> float:
+    """Return the log probability that the effects' parameters are within their bounds, over that of the prior."""
+    k = np.flatnonzero(~trial.tolerated[: trial.free.size])
+    low, high = ((bound[k] - trial.mean[k]) / trial.sd[k] for bound in (trial.lower, trial.upper))
+    std = np.sqrt(np.maximum(np.diag(np.linalg.inv(now.information))[k], 1e-300))
+    prior, posterior = norm.cdf(high) - norm.cdf(low), norm.cdf((high - q[k]) / std) - norm.cdf((low - q[k]) / std)
+    return float(np.sum(np.log(np.maximum(posterior, 1e-3)) - np.log(np.maximum(prior, 1e-3))))
 
 
 def begun(trial: Trajectories, start: Start) -> FloatArray:
