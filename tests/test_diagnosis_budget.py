@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiation_ss.diagnosis import Error, Row, budget, shapley
-from radiation_ss.report import alternatives
+from radiation_ss.diagnosis import Error, Row, alternatives, budget, shapley
 
 TIME = np.arange(0.0, 40.0, 0.1)
 

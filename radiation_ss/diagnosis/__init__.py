@@ -3,9 +3,12 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "conclusion": "contradiction Grounds unit_of verdict",
+    "conclusion": "Grounds verdict",
+    "diagnose": "contradiction",
+    "left": "unit_of",
     "prediction": "Error",
     "result": "Named",
     "rules": "Rules",
+    "sets": "alternatives",
     "shares": "budget Row shapley",
 })

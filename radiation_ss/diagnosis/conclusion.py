@@ -52,8 +52,8 @@ from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, Key, from_regression
-from radiation_ss.inference.problem import EquationError
-from radiation_ss.inference.search import Found, pulled_slowly
+from radiation_ss.inference.problem import EquationError, pulled_slowly
+from radiation_ss.inference.search import Found
 from radiation_ss.records.columns import RATES
 from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.headings import computed

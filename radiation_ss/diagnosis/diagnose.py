@@ -22,11 +22,11 @@ from radiation_ss.inference.candidates import terms_of
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion, parted
-from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.problem import EquationError, pulled_slowly
 from radiation_ss.inference.readings import moves, not_measured, unmoved
 from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, pulled_slowly, search, testable, within_medians
+from radiation_ss.inference.search import Found, first_set, search, testable, within_medians
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records

@@ -1,4 +1,4 @@
-"""Sets of effects by name, and how probable they are."""
+"""Sets of effects by name, how probable they are, and what is said of several."""
 
 from collections.abc import Mapping, Sequence
 
@@ -74,3 +74,28 @@ def likely_sets(chances: Mapping[Names, float], least: float, most: int) -> tupl
     first, *others = chances
     others = [labels for labels in others if chances[labels] >= least * chances[first]]
     return first, *sorted(others, key=lambda labels: -chances[labels])[: most - 1]
+
+
+def less_sure(named: set[str], sets: Sequence[Names], most: int = 2) -> str:
+    """Return what is said of sets beside the named one, `most` in full: a zero that is off, less likely effects."""
+    others = [s for s in sets if set(s) != named]
+    more = [" + ".join(part for part in s if part not in named) for s in others]
+    if len(others) == len(sets) and all(part.partition(" on ")[0] in zeros() for part in more):
+        return f"beside it a zero is off: {' or '.join(more)}"
+    told = [f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
+            for s, rest in zip(others, more)]
+    left = len(told) - most
+    told = [*told[:most], f"{left} more set{'s' * (left > 1)}"] if left > 0 else told
+    return f"less sure: {' or '.join(told)}"
+
+
+def alternatives(sets: Sequence[Names]) -> str:
+    """Return what all sets have, and what these records do not tell apart."""
+    if len(sets) == 1:
+        return f"Likely {' and '.join(sets[0])}"
+    common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
+    rest = [" + ".join(label for label in s if label not in common) for s in sets]
+    if not common:
+        return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
+    return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
+            + " or ".join(r or "nothing more" for r in rest))

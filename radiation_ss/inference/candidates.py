@@ -13,7 +13,7 @@ from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
 from radiation_ss.effects.nominal import nominal_effects
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.effect_features import Feature, features, features_of, ringing
+from radiation_ss.inference.effect_features import Feature, features_of, ringing
 from radiation_ss.inference.linear_model import Columns, Posterior, joined
 from radiation_ss.inference.problem import EquationError, Filling
 from radiation_ss.inference.stored import ByRecord, Shelf
@@ -285,21 +285,6 @@ def carried_over(problem: EquationError, near: Candidate, terms: Sequence[Term],
     mean[known] = near.posterior.mean[at[known]]
     covariance[np.ix_(known, known)] = near.posterior.covariance[np.ix_(at[known], at[known])]
     return replace(near.posterior, mean=mean, covariance=covariance)
-
-
-def own_force(problem: EquationError, candidate: Candidate, r: int) -> FloatArray:
-    """Return the force in one record of effects with numbers of each record's own, shape (n, nt)."""
-    run, at = problem.runs[r], problem.base.count
-    force = np.zeros_like(run.x)
-    rows = [p.rows for p in problem.places if p.record == r]
-    for term in candidate.terms:
-        if term.active.effect.per_record and term.active.effect.force is not None:
-            mine = np.asarray(term.columns.values[rows[0].start:rows[-1].stop])
-            found = features(problem.symbols(term.active), term.active, [run])
-            for k, of_record in zip(np.flatnonzero(np.any(mine, axis=0)), found):
-                force += candidate.posterior.mean[at + k] * of_record[0].force
-        at += term.columns.count
-    return force
 
 
 def from_regression(problem: EquationError, candidate: Candidate, tolerance: dict[str, float]) -> FittedSet:

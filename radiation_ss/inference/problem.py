@@ -255,3 +255,17 @@ def relative_change(feature: Feature, gains: FloatArray, Z: ComplexArray, invers
     if np.any(feature.reading_response):
         J = J + Z @ feature.reading_response * (not prescribed) - gains[:, None] * Z
     return np.asarray(np.einsum("wij,wji->wi", inverse, J)) if np.any(J) else np.zeros(Z.shape[:2], dtype=complex)
+
+
+def pulled_slowly(problem: EquationError, share: float = 0.5) -> bool:
+    """Whether an unknown force moves the body so slowly that any restoring and any force explain each other.
+
+    That is where no record states a force, and each motion that something restores is slower than a share of its
+    natural frequency.
+    """
+    if any(run.force is not None for run in problem.runs):
+        return False
+    restored = np.diag(problem.model.C) > 0.0
+    moving = [(run.omega[i], natural_frequency(problem.model, int(i))) for run in problem.runs
+              for i in np.flatnonzero(run.free & restored)]
+    return bool(moving) and all(omega < share * natural for omega, natural in moving)

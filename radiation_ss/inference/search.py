@@ -12,10 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, carried_over, twins
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows, Sizes, joined
+from radiation_ss.inference.linear_model import Columns, Posterior, Sizes, joined
 from radiation_ss.inference.odds import SearchRules, in_likelier_widths, log_prior
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import learn, solve
@@ -74,9 +73,7 @@ def search(problem: EquationError, terms: Sequence[Term], rules: SearchRules | N
         Sets that are solved already.
     """
     rules = rules or SearchRules()
-    rows, base = problem.rows, problem.base
-    start = start_sizes(problem)
-    fixed = chosen_present(rows, base, terms, present, start)
+    fixed = chosen_present(problem, terms, present)
     solved = {c.keys: c for c in sorted(known, key=lambda c: c.log_probability)}
     if not known:
         first = first_set(problem, fixed, rules, present)
@@ -260,12 +257,12 @@ def with_strengths(problem: EquationError, terms: Sequence[Term], unknowns: Floa
     return found
 
 
-def chosen_present(rows: Rows, base: Columns, terms: Sequence[Term], present: Sequence[str],
-                   start: Sizes) -> tuple[Term, ...]:
+def chosen_present(problem: EquationError, terms: Sequence[Term], present: Sequence[str]) -> tuple[Term, ...]:
     """Return, of each effect that is said to be present, the most promising place and shape."""
     if not present:
         return ()
-    null = learn(rows, base, start, nuisances=base.count)
+    rows, base = problem.rows, problem.base
+    null = learn(rows, base, start_sizes(problem), nuisances=base.count)
     chosen = []
     for name in present:
         mine = [t for t in terms if t.active.name == name]
@@ -300,17 +297,3 @@ def testable(problem: EquationError, null: Posterior, terms: Sequence[Term],
     kept = [t for t, value in zip(terms, known) if value >= least]
     seen = {t.key for t in kept}
     return kept, sorted({t.key for t in terms} - seen)
-
-
-def pulled_slowly(problem: EquationError, share: float = 0.5) -> bool:
-    """Whether an unknown force moves the body so slowly that any restoring and any force explain each other.
-
-    That is where no record states a force, and each motion that something restores is slower than a share of its
-    natural frequency.
-    """
-    if any(run.force is not None for run in problem.runs):
-        return False
-    restored = np.diag(problem.model.C) > 0.0
-    moving = [(run.omega[i], natural_frequency(problem.model, int(i))) for run in problem.runs
-              for i in np.flatnonzero(run.free & restored)]
-    return bool(moving) and all(omega < share * natural for omega, natural in moving)

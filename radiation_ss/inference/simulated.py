@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import Candidate, Key, own_force
+from radiation_ss.inference.candidates import Candidate, Key
+from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
 from radiation_ss.inference.force_errors import shape_errors
 from radiation_ss.inference.linear_model import joined
@@ -193,3 +194,18 @@ def blocks_of(starts: Mapping[Key | str, FloatArray], first: int, last: int) -> 
     """Return where the unknowns of parts of a start stand that begin at `first`, and the errors' after them."""
     ends = first + np.cumsum([0, *(basis.shape[1] for basis in starts.values())])
     return {part: slice(i, j) for part, i, j in zip(starts, ends, ends[1:])} | {"errors": slice(ends[-1], last)}
+
+
+def own_force(problem: EquationError, candidate: Candidate, r: int) -> FloatArray:
+    """Return the force in one record of effects with numbers of each record's own, shape (n, nt)."""
+    run, at = problem.runs[r], problem.base.count
+    force = np.zeros_like(run.x)
+    rows = [p.rows for p in problem.places if p.record == r]
+    for term in candidate.terms:
+        if term.active.effect.per_record and term.active.effect.force is not None:
+            mine = np.asarray(term.columns.values[rows[0].start:rows[-1].stop])
+            found = features(problem.symbols(term.active), term.active, [run])
+            for k, of_record in zip(np.flatnonzero(np.any(mine, axis=0)), found):
+                force += candidate.posterior.mean[at + k] * of_record[0].force
+        at += term.columns.count
+    return force

@@ -2,4 +2,4 @@
 
 from radiation_ss.methods import door
 
-__getattr__, __all__ = door(__name__, {"demo": "tank_hydro tank_model", "diagnosis_page": "alternatives"})
+__getattr__, __all__ = door(__name__, {"demo": "tank_hydro tank_model"})

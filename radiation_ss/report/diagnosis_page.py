@@ -12,7 +12,7 @@ import numpy as np
 from radiation_ss import page, style
 from radiation_ss.atomic import folder_written_whole, write_whole
 from radiation_ss.diagnosis.prediction import energy
-from radiation_ss.diagnosis.sets import label, zeros
+from radiation_ss.diagnosis.sets import alternatives, label, less_sure
 from radiation_ss.diagnosis.shares import DRIFT
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -260,7 +260,8 @@ def verdict(found: Diagnosis) -> str:
     elif v.status == "effect":
         told = f"{names}, probability {v.probability:.2f}; {shrunk}"
         if v.indistinguishable:
-            told += f"; {also(found)}"
+            named = {label(found.dofs, e.name, e.dof) for e in v.effects}
+            told += f"; {less_sure(named, v.indistinguishable)}"
     elif v.status == "ambiguous" and not v.indistinguishable:
         told = ("These records tell no cause: the force is not known and the motion is held, or slow against the "
                 "natural periods, so any restoring and any force explain each other. They show where the body rests "
@@ -293,29 +294,3 @@ def with_which(found: Diagnosis) -> str:
     done = {label(found.dofs, a.name, f"{a.dof},{a.other}" if a.other else a.dof) for a in found.corrected.effects}
     wanted = {told for told in found.verdict.indistinguishable[0] if not told.startswith(DRIFT)}
     return " with the first" if wanted <= done else ", none of them being corrected"
-
-
-def also(found: Diagnosis, most: int = 2) -> str:
-    """Return what is said of sets beside the named one, `most` in full: a zero that is off, less likely effects."""
-    named, sets = {label(found.dofs, e.name, e.dof) for e in found.verdict.effects}, found.verdict.indistinguishable
-    others = [s for s in sets if set(s) != named]
-    more = [" + ".join(part for part in s if part not in named) for s in others]
-    if len(others) == len(sets) and all(part.partition(" on ")[0] in zeros() for part in more):
-        return f"beside it a zero is off: {' or '.join(more)}"
-    told = [f"{rest} beside it" if named < set(s) else " + ".join(s) or "recalibration alone"
-            for s, rest in zip(others, more)]
-    left = len(told) - most
-    told = [*told[:most], f"{left} more set{'s' * (left > 1)}"] if left > 0 else told
-    return f"less sure: {' or '.join(told)}"
-
-
-def alternatives(sets: Sequence[Sequence[str]]) -> str:
-    """Return what all sets have, and what these records do not tell apart."""
-    if len(sets) == 1:
-        return f"Likely {' and '.join(sets[0])}"
-    common = [label for label in sets[0] if len(sets) > 1 and all(label in s for s in sets)]
-    rest = [" + ".join(label for label in s if label not in common) for s in sets]
-    if not common:
-        return "These records do not tell apart: " + " or ".join(r or "recalibration alone" for r in rest)
-    return (f"{' and '.join(common)} in every set that may hold; these records do not tell apart what goes with it: "
-            + " or ".join(r or "nothing more" for r in rest))
