@@ -6,19 +6,25 @@ The file appears whole or not at all, and carries a digest of its contents.
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radiation_ss import reading
 from radiation_ss.atomic import written_whole
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
+from radiation_ss.filter.settings import FilterSettings, ForceModel
 from radiation_ss.fit.result import RadiationFit
+from radiation_ss.inference.scales import SignalScales
 from radiation_ss.reading import decoded
 
 SCHEMA = "radiation_ss.filter/3"
+# Settings that are arrays: they are written as what the filter makes of them
+ARRAYS = ("points", "prior", "noise", "entries", "omega", "force_model", "units")
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> None:
@@ -50,22 +56,26 @@ def _digest(arrays: Mapping[str, np.ndarray]) -> str:
     return total.hexdigest()
 
 
-def write(path: str | Path, settings: dict[str, object], model: Model, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write settings (anything JSON can hold), the model's matrices and the filter's arrays."""
-    header = {"schema": SCHEMA, "settings": settings, "dofs": list(model.dofs), "order": model.fit.order,
+def write(path: str | Path, settings: FilterSettings, model: Model, scales: SignalScales, force: ForceModel,
+          state: Mapping[str, ArrayLike]) -> None:
+    """Write settings (those that JSON can hold), the model's matrices, and the filter's arrays with the others."""
+    plain = {f.name: getattr(settings, f.name) for f in fields(FilterSettings) if f.name not in ARRAYS}
+    header = {"schema": SCHEMA, "settings": plain, "dofs": list(model.dofs), "order": model.fit.order,
               "fit_method": model.fit.method, "name": model.name}
     plant = {"M": model.M, "A_inf": model.A_inf, "C": model.C, "D": model.D, "a": model.fit.a, "b": model.fit.b,
              "c": model.fit.c}
+    arrays = {**state, **{f"scales_{f.name}": getattr(scales, f.name) for f in fields(SignalScales)},
+              **{f"force_{f.name}": getattr(force, f.name) for f in fields(ForceModel)}}
     write_arrays(path, {f"model_{k}": v for k, v in plant.items()} | {f"state_{k}": np.asarray(v)
                                                                       for k, v in arrays.items()}
                  | {"header": np.array(json.dumps(header))})
 
 
-def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
-    """Read what `write` wrote; InputError if the file is not a saved filter, or damaged."""
+def read(path: str | Path) -> tuple[dict[str, Any], Model, SignalScales, dict[str, np.ndarray]]:
+    """Read the filter's options, its model, its scales and its arrays; InputError if that is not what `write` wrote."""
     content = read_arrays(path, "saved filter")
 
-    def taken_apart() -> tuple[dict, Model, dict[str, np.ndarray]]:
+    def taken_apart() -> tuple[dict[str, Any], Model, SignalScales, dict[str, np.ndarray]]:
         header = json.loads(str(content["header"]))
         if header["schema"] != SCHEMA:
             raise InputError(f"{path}: schema {header['schema']!r} found, {SCHEMA!r} needed")
@@ -75,6 +85,11 @@ def read(path: str | Path) -> tuple[dict, Model, dict[str, np.ndarray]]:
         fit = RadiationFit(dofs, part["a"], part["b"], part["c"], header["order"], A_inf=A_inf,
                            method=header["fit_method"])
         model = Model(dofs, part["M"], A_inf, part["C"], fit, D=part["D"], name=header["name"])
-        return header["settings"], model, state
+        options = {**header["settings"], "entries": [(dofs[j], dofs[k]) for j, k in state["entries"]],
+                   "points": dict(zip(state["points"].tolist(), state["points_K"])) or None,
+                   "force_model": ForceModel(state["force_A"], state["force_q"], state["force_start"],
+                                             str(state["force_name"])),
+                   "units": tuple(state["units"].tolist()), "omega": state["omega"]}
+        return options, model, SignalScales(*(state[f"scales_{f.name}"] for f in fields(SignalScales))), state
 
     return decoded(path, "saved filter", taken_apart)

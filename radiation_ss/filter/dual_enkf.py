@@ -2,8 +2,8 @@
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.composite import system_matrices
 from radiation_ss.body.convert import ModelLike, as_model, opened
 from radiation_ss.body.model import Model
-from radiation_ss.errors import InputError, SolverError
+from radiation_ss.errors import InputError
 from radiation_ss.filter import estimate
 from radiation_ss.filter.bank import UncertainPlant, bank_of, run_bank, smoothed_force
 from radiation_ss.filter.checkpoint import read, write
@@ -23,7 +23,7 @@ from radiation_ss.filter.named import run_general
 from radiation_ss.filter.paper import PaperEngine
 from radiation_ss.filter.plan import Outcome, SampleBlock, longest_step, plan_of, sampled, start_covariance
 from radiation_ss.filter.prior import conditions
-from radiation_ss.filter.settings import FilterSettings, ForceModel, force_model_of, settings_of
+from radiation_ss.filter.settings import ForceModel, force_model_of, settings_of
 from radiation_ss.inference.scales import SignalScales, channels, interval_of, scales_of, straightened
 from radiation_ss.inference.subsystems import subsystems_of
 from radiation_ss.records.convert import RecordLike, as_record
@@ -126,7 +126,7 @@ class DualEnKF:
         time, y = sampled(sample, self.model.dofs)
         out = self.advance(np.array([time]), y)
         return StepResult(time, out.force[0], out.force_std[0], out.theta[0], out.theta_std[0], float(out.nis[0]),
-                      int(out.taken[0].sum()))
+                          int(out.taken[0].sum()))
 
     def run(self, record: RecordLike, *, smooth: bool = False) -> Estimate:
         """Filter a whole record; with an UncertainPlant a `PlantEstimate` comes back.
@@ -209,9 +209,7 @@ class DualEnKF:
 
     def _advance(self, time: FloatArray, y: FloatArray) -> Outcome:
         out = self._running("advance")[0].advance(SampleBlock.of(time, y, self.time, self.interval, self.longest))
-        if not (np.isfinite(out.theta[-1]).all() and np.isfinite(out.force[-1]).all()):
-            at = int(np.argmin(np.isfinite(out.force).all(axis=1) & np.isfinite(out.theta).all(axis=1)))
-            raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
+        out.check_finite(time)
         self.time = float(time[-1])
         return out
 
@@ -223,15 +221,11 @@ class DualEnKF:
         >>> rss.DualEnKF(model, seed=1).prepare(record).save("filter.npz")
         """
         engine, scales = self._running("save")
-        arrays = ("points", "prior", "noise", "entries", "omega", "force_model", "units")
-        settings = {f.name: getattr(self.settings, f.name) for f in fields(FilterSettings) if f.name not in arrays}
-        force, _ = self._at_start(scales)
-        state = {"time": self.time, "interval": self.interval, "longest": self.longest, "prior_std": self.prior_std,
-                 "omega": self.omega, "points": self.points[0], "points_K": self.points[1], "units": self.units,
-                 "entries": np.array(self.parts.entries),
-                 **{f"scales_{f.name}": getattr(scales, f.name) for f in fields(SignalScales)},
-                 **{f"force_{k}": getattr(force, k) for k in ("A", "q", "start", "name")}, **engine.arrays()}
-        write(path, settings, self.model, {key: np.asarray(value) for key, value in state.items()})
+        state: dict[str, Any] = {
+            "time": self.time, "interval": self.interval, "longest": self.longest, "prior_std": self.prior_std,
+            "omega": self.omega, "points": self.points[0], "points_K": self.points[1], "units": self.units,
+            "entries": self.parts.entries, **engine.arrays()}
+        write(path, self.settings, self.model, scales, self._at_start(scales)[0], state)
 
     @classmethod
     def load(cls, path: str | Path) -> "DualEnKF":
@@ -246,13 +240,9 @@ class DualEnKF:
         >>> rss.DualEnKF.load("filter.npz").step({"time": 0.0, "Heave": 0.001}).time
         0.0
         """
-        settings, model, state = read(path)
-        force = ForceModel(state["force_A"], state["force_q"], state["force_start"], str(state["force_name"]))
-        filter_ = cls(model, **settings, entries=[(model.dofs[j], model.dofs[k]) for j, k in state["entries"]],
-                      points=dict(zip(state["points"].tolist(), state["points_K"])) or None, force_model=force,
-                      units=tuple(state["units"].tolist()), omega=state["omega"])
+        options, model, scales, state = read(path)
+        filter_ = cls(model, **options)
         filter_.prior_std = state["prior_std"]
-        scales = SignalScales(*(state[f"scales_{f.name}"] for f in fields(SignalScales)))
         filter_._start(scales, float(state["interval"]))
         filter_._running("load")[0].restore(state)
         filter_.time, filter_.longest = float(state["time"]), float(state["longest"])
@@ -302,13 +292,10 @@ class DualEnKF:
                   noted: tuple[str, ...]) -> Estimate:
         parts, default, engine = self.parts, self.settings.preset is None, self._running("run")[0]
         members, projected = engine.projected()
-        rule = passivity(parts, self.omega, self.settings.point_noise)
-        K, drawn, w = parts.K(out.theta[-1], self.omega), parts.K(members.T, self.omega), self.omega[:, None, None]
-        A = Band.of(self.model.A_inf + drawn.imag / w).about(self.model.A_inf + K.imag / w)
-        B = Band.of(drawn.real).about(K.real)
-        low = parts.damping(members.T, self.omega, rule.scale).min(axis=-1) < rule.floor
-        counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0, "not_passive": int(low.sum()),
-                  "not_stable": int((~parts.stable(members.T)).sum())}
+        K, A, B = estimate.coefficients(parts, self.model.A_inf, out.theta[-1], members.T, self.omega)
+        passive = passivity(parts, self.omega, self.settings.point_noise).kept(parts, members.T)
+        counts = {**projected, "refused": there - int(out.taken.sum()) if default else 0,
+                  "not_passive": int((~passive).sum()), "not_stable": int((~parts.stable(members.T)).sum())}
         table = estimate.parameter_table(parts.names, out.theta[-1], engine.drawn(), parts.theta, self.prior_std)
         force = Band.normal(out.force.T, out.force_std.T) if smoothed is None else smoothed
         idle = None if default else DualEnKF(self.model, prior=0.0, n_ensemble=4, noise=self.settings.noise,

@@ -146,6 +146,13 @@ def plants_of(members: FloatArray, n: int, build: Callable[[FloatArray], Model],
     return [build(theta).to_ss() for theta in members[:, np.linspace(0, count - 1, n).astype(int)].T]
 
 
+def coefficients(parts: Subsystems, A_inf: FloatArray, theta: FloatArray, drawn: FloatArray,
+                 omega: FloatArray) -> tuple[ComplexArray, Band, Band]:
+    """Return K at some parameters, and A and B there with the bands of those that are drawn, (draws, n_theta)."""
+    K, spread, w = parts.K(theta, omega), parts.K(drawn, omega), omega[:, None, None]
+    return K, Band.of(A_inf + spread.imag / w).about(A_inf + K.imag / w), Band.of(spread.real).about(K.real)
+
+
 def parameter_table(names: tuple[str, ...], mean: FloatArray, drawn: FloatArray, prior: FloatArray,
                     prior_std: FloatArray) -> dict[str, ParameterEstimate]:
     """Return the table of parameters; drawn (n_theta, members) are draws about the mean."""

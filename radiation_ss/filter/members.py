@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import null_space
 from scipy.optimize import nnls
 
@@ -39,6 +40,10 @@ class Passivity(NamedTuple):
     omega: FloatArray
     scale: FloatArray   # (n, n): s_i s_j with s_i^2 the start's largest |Re K_ii|, as in fit.certificate
     floor: float
+
+    def kept(self, parts: Subsystems, theta: FloatArray) -> NDArray[np.bool_]:
+        """Return which of some parameters (..., n_theta) keep it."""
+        return np.asarray(parts.damping(theta, self.omega, self.scale).min(axis=-1) >= self.floor)
 
 
 def passivity(parts: Subsystems, omega: FloatArray, tolerance: float, grid: int = 240) -> Passivity:
@@ -114,8 +119,7 @@ class Drawing:
             return np.asarray(self.parts.stable(columns.T))
 
         def good(columns: FloatArray) -> np.ndarray:
-            least = self.parts.damping(columns.T, self.rule.omega, self.rule.scale).min(axis=-1)
-            return np.asarray(stable(columns) & (least >= self.rule.floor))
+            return np.asarray(stable(columns) & self.rule.kept(self.parts, columns.T))
 
         yield
         out, unstable = theta.copy(), ~stable(theta)

@@ -12,7 +12,7 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.errors import InputError
+from radiation_ss.errors import InputError, SolverError
 from radiation_ss.filter.settings import ForceModel, natural_frequencies
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.inference.scales import SignalScales, channel_names
@@ -117,6 +117,12 @@ class Outcome(NamedTuple):
         force, force_std, theta, theta_std, baseline = (np.empty((samples, k)) for k in (n, n, n_theta, n_theta, n))
         return cls(force, force_std, theta, theta_std, baseline, np.zeros(samples),
                    np.zeros((samples, 4 * n), dtype=np.bool_))
+
+    def check_finite(self, time: FloatArray) -> None:
+        """Raise SolverError if the filter has diverged by the last of some times."""
+        if not (np.isfinite(self.theta[-1]).all() and np.isfinite(self.force[-1]).all()):
+            at = int(np.argmin(np.isfinite(self.force).all(axis=1) & np.isfinite(self.theta).all(axis=1)))
+            raise SolverError(f"the filter diverged at {time[at]:g} s: its members are no longer finite")
 
     def part(self, first: int, last: int) -> Outcome:
         """Return some of them."""
