@@ -17,7 +17,7 @@ from bodies import rss, save, tank_heave
 from matplotlib import pyplot as plt
 
 from radiation_ss import style
-from radiation_ss.simulation.equations import state_equations
+from radiation_ss.simulation import state_equations
 
 SEA, DT, NOISE, LIMIT, HORIZON = rss.jonswap(0.02, t01=0.9), 0.05, 1e-4, 4.0, 20
 EFFECTS = [("quadratic_drag", {"coefficient": 90.0}), ("cubic_stiffness", {"stiffness": 2e5})]

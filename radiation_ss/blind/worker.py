@@ -112,7 +112,7 @@ def diagnosed(case: Path, out: Path, told: str, tolerance: float, result: dict[s
 def predictions(model: Model, corrected: Path, unseen: Record) -> dict[str, list[list[float]]]:
     """Return the displacements of the unseen test, nominal and corrected; nothing where its force is unknown."""
     import radiation_ss as rss
-    from radiation_ss.simulation.corrected import read_corrected
+    from radiation_ss.simulation.corrected_files import read_corrected
 
     if unseen.kind == "motion-only":
         return {}

@@ -30,7 +30,7 @@ USUAL_DECAY = 20  # natural periods
 def scenario(args: argparse.Namespace, model: Model) -> Record:
     """Return motion, velocity, acceleration and force as --sea or --decay, --duration and --corrected ask."""
     from radiation_ss.body.dynamics import natural_modes
-    from radiation_ss.simulation.corrected import read_corrected
+    from radiation_ss.simulation.corrected_files import read_corrected
 
     actives = () if args.corrected is None else read_corrected(args.corrected, model).actives(model)
     units = own_dofs(dict.fromkeys(model.dofs, "") | kept(args))

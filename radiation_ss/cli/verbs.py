@@ -94,7 +94,7 @@ def audit(args: argparse.Namespace) -> None:
 
 def simulate(args: argparse.Namespace) -> None:
     """Predict the motion under a record's force, in a sea or in a decay, and write it."""
-    from radiation_ss.simulation.corrected import predict_record
+    from radiation_ss.simulation.corrected_files import predict_record
 
     check_file(args.out, (".csv", ".csv.gz", ".parquet"))
     if sum(given is not None for given in (args.record, args.sea, args.decay)) != 1:

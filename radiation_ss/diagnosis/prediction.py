@@ -12,8 +12,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import Feature, Symbols, features
+from radiation_ss.inference.grid import averaged, fewest
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion
-from radiation_ss.inference.readings import averaged, fewest
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of

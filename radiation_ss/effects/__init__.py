@@ -11,16 +11,18 @@ import numpy as np
 
 from radiation_ss.arrays import listed
 from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import Active, Effect, Scales, in_harmonic_motion, named, numeric
+from radiation_ss.effects.definition import Active, Effect, Scales, named
+from radiation_ss.effects.slabs import in_harmonic_motion, numeric
 from radiation_ss.errors import InputError
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
-    "definition": "Parameter Slab slab",
+    "definition": "Parameter Slab",
     "further": "fractional",
     "hull": "hull_restoring station",
     "mooring": "catenary Line",
     "nominal": "tolerances",
+    "slabs": "slab",
 })
 __all__ = ["Active", "Effect", "Scales", "activate", "effect_named", "library", "named", "numeric", "optional",
            "register_effect", *_later]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.catalogue import NEAR, SIDES, bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
+from radiation_ss.effects.contact import NEAR, SIDES, bouc_wen, line, onset, outwards, ramp, stopped, stops, taut
 from radiation_ss.effects.definition import DEPTHS, Effect, Parameter, Scales
 
 P = Parameter

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from radiation_ss.arrays import positive
-from radiation_ss.effects.catalogue import restoring_left
+from radiation_ss.effects.contact import restoring_left
 from radiation_ss.effects.definition import Effect, Parameter, Scales
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit

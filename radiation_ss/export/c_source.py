@@ -25,7 +25,7 @@ from radiation_ss.filter.default import DefaultEngine
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.filter.plan import rows_of
 from radiation_ss.methods import accepting
-from radiation_ss.simulation.equations import signals_of, state_equations, without_delays
+from radiation_ss.simulation.native import signals_of, state_equations, without_delays
 
 NEAR = 0.1  # between the parameters and those of the filters beside, in standard deviations
 SETTLED = 1e-6  # of the settled covariance

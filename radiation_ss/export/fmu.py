@@ -20,7 +20,7 @@ from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.methods import accepting
-from radiation_ss.simulation.equations import signals_of, state_equations, without_delays
+from radiation_ss.simulation.native import signals_of, state_equations, without_delays
 
 MACHINES = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 LIBRARIES = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from radiation_ss.arrays import ComplexArray, FloatArray
+from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.filter.estimate import Band, by_parts, plants_of
 from radiation_ss.fit.result import RadiationFit
 from radiation_ss.identification.laws import direction, taken_apart
 from radiation_ss.identification.passivity import nearest_passive
-from radiation_ss.identification.study import Findings, ForceEstimate, Study
+from radiation_ss.identification.study import Findings, ForceEstimate, Study, information_shares
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.methods import Shown, later
 
@@ -236,35 +236,6 @@ def _nominal(study: Study, u: FloatArray) -> dict[str, dict[str, float]]:
     change = form.nominal_change(u) if form.nominal else np.empty((1, 0))
     return {f"{kind} [{form.dofs[dof]}]": _row(values, values.mean(), 0.0, tolerance)
             for (kind, dof, tolerance, _), values in zip(form.nominal, change.T)}
-
-
-def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
-    """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
-
-    1/V0, 1/V1 - 1/V0 and 1/V2 - 1/V1, with V the variance of K under the prior, with points, and with everything;
-    entries are pooled.
-    """
-    rng = np.random.default_rng(1)
-    V0 = np.var(study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega, rng), axis=0)
-    V2 = np.var(K, axis=0)
-    prior = _pooled(V2, V0)
-    if study.points is None:
-        return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
-    if not study.records:
-        return {"prior": prior, "points": 1.0 - prior, "data": np.zeros_like(prior)}
-    centre = u.mean(axis=0)
-    jacobian = study.points.jacobian(centre)
-    covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
-    V1 = np.var(study.draws_of_K(covariance, centre, omega, rng), axis=0)
-    before_data = np.maximum(_pooled(V2, V1), prior)
-    return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
-
-
-def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
-    """Return the ratio of variances (nw, n, n), averaged over entries with any, between 0 and 1."""
-    used = large > 0.0
-    ratio = np.divide(small, large, out=np.ones_like(large), where=used)
-    return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)
 
 
 def warnings_of(study: Study, findings: Findings, parameters: dict[str, dict[str, float]],

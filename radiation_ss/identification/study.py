@@ -235,3 +235,32 @@ def cautious(study: Study, u: FloatArray, bands: Sequence[tuple[float, float]], 
     away = np.array([np.linalg.norm(((row - bodies) / size).reshape(u.shape[0], -1), axis=1) for row in K])
     before = np.maximum(away[0], close * np.sqrt(np.mean(away[0] ** 2)))
     return np.asarray(tried[np.argmin(np.mean(away / before, axis=1))])
+
+
+def information_shares(study: Study, u: FloatArray, K: ComplexArray, omega: FloatArray) -> dict[str, FloatArray]:
+    """Return the shares of prior, points and data in the precision of K at each frequency, each (nw,), sum 1.
+
+    1/V0, 1/V1 - 1/V0 and 1/V2 - 1/V1, with V the variance of K under the prior, with points, and with everything;
+    entries are pooled.
+    """
+    rng = np.random.default_rng(1)
+    V0 = np.var(study.draws_of_K(np.eye(study.n_u), np.zeros(study.n_u), omega, rng), axis=0)
+    V2 = np.var(K, axis=0)
+    prior = _pooled(V2, V0)
+    if study.points is None:
+        return {"prior": prior, "points": np.zeros_like(prior), "data": 1.0 - prior}
+    if not study.records:
+        return {"prior": prior, "points": 1.0 - prior, "data": np.zeros_like(prior)}
+    centre = u.mean(axis=0)
+    jacobian = study.points.jacobian(centre)
+    covariance = np.asarray(np.linalg.inv(np.eye(study.n_u) + jacobian.T @ jacobian), dtype=np.float64)
+    V1 = np.var(study.draws_of_K(covariance, centre, omega, rng), axis=0)
+    before_data = np.maximum(_pooled(V2, V1), prior)
+    return {"prior": prior, "points": before_data - prior, "data": 1.0 - before_data}
+
+
+def _pooled(small: FloatArray, large: FloatArray) -> FloatArray:
+    """Return the ratio of variances (nw, n, n), averaged over entries with any, between 0 and 1."""
+    used = large > 0.0
+    ratio = np.divide(small, large, out=np.ones_like(large), where=used)
+    return np.asarray(np.clip(np.mean(ratio, axis=(1, 2), where=used), 0.0, 1.0), dtype=np.float64)

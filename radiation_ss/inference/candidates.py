@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Active, Effect, Scales, Slab, slab
+from radiation_ss.effects.definition import Active, Effect, Scales, Slab
 from radiation_ss.effects.nominal import nominal_effects
+from radiation_ss.effects.slabs import slab
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
 from radiation_ss.inference.effect_features import Feature, features_of, ringing

@@ -14,7 +14,7 @@ from scipy.special import log_ndtr
 from radiation_ss.arrays import FloatArray
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined, safe
 from radiation_ss.inference.own import Own
-from radiation_ss.inference.regression import Point
+from radiation_ss.inference.point import Point
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexpl
 from radiation_ss.inference.force_errors import shape_errors
 from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
-from radiation_ss.inference.motion import noise_at_resonance
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
+from radiation_ss.inference.noise_of_force import noise_at_resonance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.records.record import Record

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Slab, slab, vector_of
+from radiation_ss.effects.definition import Slab, vector_of
 from radiation_ss.effects.nominal import simulated_numbers
+from radiation_ss.effects.slabs import slab
 from radiation_ss.errors import SolverError
 from radiation_ss.inference.candidates import (
     Candidate,

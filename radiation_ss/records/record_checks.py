@@ -12,11 +12,11 @@ from radiation_ss.arrays import FloatArray, distinct
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode, motion_unit
 from radiation_ss.records import signals
-from radiation_ss.records.columns import SUFFIXES, split
+from radiation_ss.records.column_checks import column_conflicts, column_doubts
+from radiation_ss.records.columns import RATES, SUFFIXES, split
 from radiation_ss.records.faults import FAULTS, clipped, faults, logged_again
 from radiation_ss.records.marks import without_marks
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import RATES
 from radiation_ss.units import KNOT
 
 
@@ -53,7 +53,7 @@ def suspicions(record: Record, *, stated: bool = True, most: int = 200_000, long
         if said:
             record = record.with_channels(**{name: values[:record.time.size]})
     for dof in record.dofs:
-        found += signals.column_conflicts(record, dof, rows) or signals.column_doubts(record, dof)
+        found += column_conflicts(record, dof, rows) or column_doubts(record, dof)
     return tuple(found)
 
 

@@ -13,8 +13,9 @@ from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import motion_unit
+from radiation_ss.records.column_checks import column_doubts
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import band_of, column_doubts, middle, spectrum_of
+from radiation_ss.records.signals import band_of, middle, spectrum_of
 from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.size_checks import APART

@@ -8,17 +8,9 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
+from radiation_ss.records.column_checks import FACTOR, factor_between
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import (
-    FACTOR,
-    band_of,
-    columns_of,
-    compared,
-    factor_between,
-    grid_of,
-    spectrum_of,
-    whole,
-)
+from radiation_ss.records.signals import band_of, columns_of, compared, grid_of, spectrum_of, whole
 from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force

@@ -9,8 +9,8 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.records import signals
+from radiation_ss.records.column_checks import FACTOR, column_conflicts, units_text
 from radiation_ss.records.record import Record
-from radiation_ss.records.signals import FACTOR
 from radiation_ss.simulation.force_checks import turned, turned_in_decay
 from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.pushes import let_go
@@ -45,7 +45,7 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
                        f"{degrees}; check the units ({dof} in {unit}, {dof}_force in {force_unit(dof)})")
         return
     for dof in model.dofs:
-        yield from signals.column_conflicts(record, dof)
+        yield from column_conflicts(record, dof)
     # Friction or a stop may hold a body that moves as the model where the force is larger, or that a static load heels.
     off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
         moves_as(model, other, dof) for other in records if other is not record)]
@@ -204,7 +204,7 @@ def _gravity(model: Model, record: Record, gravity: float = 9.81) -> Iterator[st
         acceleration = signals.rms_in(record, spectrum * omega ** (2 - order), signals.band_of(omega, spectrum))
         if acceleration > gravity:
             yield (f"column {column}, all {record.time.size} rows: an acceleration of {acceleration:.3g} m/s^2 (rms), "
-                   f"more than that of gravity; {signals.units_text(dof, (column,))}")
+                   f"more than that of gravity; {units_text(dof, (column,))}")
 
 
 def _motion(model: Model, record: Record) -> list[str]:
