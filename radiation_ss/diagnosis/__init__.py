@@ -3,7 +3,7 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "conclusion": "Grounds verdict",
+    "decision": "Grounds verdict",
     "diagnose": "contradiction",
     "left": "unit_of",
     "prediction": "Error",

@@ -5,33 +5,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from radiation_ss.arrays import generator, listed
+from radiation_ss.arrays import FloatArray, generator, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.account import Data
-from radiation_ss.diagnosis.conclusion import concluded
-from radiation_ss.diagnosis.prediction import clocks, split
-from radiation_ss.diagnosis.result import Diagnosis
+from radiation_ss.diagnosis.account import Data, Fitted, account, first, numbers, of_size, predictable
+from radiation_ss.diagnosis.decision import answered, grounds, named_effect
+from radiation_ss.diagnosis.left import all_right, left_by, put_right, remainder, retried
+from radiation_ss.diagnosis.prediction import Error, Predictor, clocks, gap_of, split
+from radiation_ss.diagnosis.result import Choice, Diagnosis, HowFar, Recalibrated
 from radiation_ss.diagnosis.rules import Rules
-from radiation_ss.diagnosis.shares import DRIFT
+from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
+from radiation_ss.diagnosis.where import where
 from radiation_ss.effects import Effect, effect_named, library, optional
-from radiation_ss.effects.nominal import tolerances
+from radiation_ss.effects.nominal import simulated_numbers, tolerances
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import mode
-from radiation_ss.inference.candidates import terms_of
+from radiation_ss.inference.candidates import Candidate, Key, from_regression
 from radiation_ss.inference.equation import equation_error, left_out
 from radiation_ss.inference.evidence import by_trajectories
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion, parted
-from radiation_ss.inference.problem import EquationError, pulled_slowly
+from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves, not_measured, unmoved
-from radiation_ss.inference.refined import fitted_shapes, late, likely_clocks, likely_shapes, retimed, rivals, shaped
-from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import Found, first_set, search, testable, within_medians
+from radiation_ss.inference.refined import searched
+from radiation_ss.inference.search import Found
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
 from radiation_ss.records.record import Record
 from radiation_ss.records.record_checks import check_given_once, named_apart, suspicions
+from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.measured import coarse_excitation, drifting, measured_driven, measured_freely
 from radiation_ss.simulation.misreadings import other_readings
 from radiation_ss.simulation.run import steady_force
@@ -123,7 +125,8 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
     tell("searching for effects", 0.2)
     # The course of a slow force is not searched: what the search leaves tells it.
     drifts = [e for e in chosen if e.name == DRIFT and DRIFT not in present]
-    found, hidden = searched(problem, [e for e in chosen if e not in drifts], present, rules)
+    found, hidden = searched(problem, [e for e in chosen if e not in drifts], present, rules.search, rules.visible,
+                             rules.refinements)
     found = by_trajectories(found, tolerated, rules.search, rules.fit, present)
     if left_out(problem, found.candidates[0].posterior):
         notes.append(f"The records show radiation that its fit with {model.fit.states} states leaves out: a fit of "
@@ -223,32 +226,69 @@ def loose(model: Model) -> bool:
     return 1 < model.n == len(set(modes)) and bool({"Surge", "Sway", "Yaw"} & (set(modes) - held))
 
 
-def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str],
-             rules: Rules) -> tuple[Found, list[tuple[str, str, str]]]:
-    """Return the sets of effects with their probabilities, shapes and clocks fitted, and what is not testable."""
-    null = first_set(problem, (), rules.search)
-    if pulled_slowly(problem) and not present:
-        places = [(e.name, *at) for e in effects for at in e.places(problem.model.dofs)]
-        return search(problem, [], rules.search), places
-    posterior = solve(problem.rows, problem.base, within_medians(problem, null.posterior.sizes))
-    terms, hidden = testable(problem, posterior, terms_of(problem, effects), rules.visible)
-    acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
-    hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
-    steer = rules.search
-    known = [] if present else [null, *likely_clocks(problem, null, terms, steer)]
-    found, done = search(problem, terms, steer, present, known), set()
-    # After a search by starts alone: an effect in its best shape may hide a set of simpler ones from it.
-    sharper = [] if present else likely_shapes(problem, null, terms, steer)
-    for _ in range(rules.refinements):
-        best = [c for c in found.candidates[: steer.beam] if frozenset(c.terms) not in done]
-        sharper += [s for c in best[:2] for s in retimed(problem, c, steer, present)]
-        near = [*best, *(rivals(problem, best[0], terms, steer, present) if best else ())]
-        sharper += [fitted_shapes(problem, c, steer, present) for c in near
-                    if shaped(c) and frozenset(c.terms) not in done]
-        done |= {frozenset(c.terms) for c in (*near, *sharper)}
-        terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
-        if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
-            found = found.beside(sharper, terms)
-            break
-        found, sharper = search(problem, terms, steer, present, [*found.candidates, *sharper]), []
-    return replace(found, terms=(*found.terms, *late(problem, found.terms))), hidden
+def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
+    """Return the diagnosis that follows from a search."""
+    model = problem.model
+    errors = Predictor(model)
+    known = [r for r in data.fitted if predictable(model, r)]
+    pair, closed = of_size(Fitted(numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
+                                  errors), problem, known, data.tolerated, rules)
+    rest = remainder(problem, pair.candidate, data, rules)
+    slow = [Row(e.name, e.dof, 0.0, (0.0, 0.0), e.inclusion, e.parameters) for e in rest.drifts.values()]
+
+    def checked(pair: Fitted) -> tuple[Budget, dict[str, list[Error]]]:
+        null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
+                        else (numbers(problem, found.null, data.tolerated, rules), pair))
+        return account(found, null, tested, data, slow, rest.below)
+
+    ledger, predictions = checked(pair)
+    own = simulated_numbers(model, data.tolerated, force=problem.forced)
+    on = grounds(found, pair, ledger, closed, own, data, rest, rules)
+    answer = answered(on, found, ledger, hidden, rules)
+    if (zeroed := put_right(found, pair, on.zeros, data, rules)) is not pair:
+        told = checked(zeroed)
+        if all_right(told[0], on.zeros, rules):
+            pair, ledger, predictions = zeroed, *told
+    moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
+                  for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
+                                                                      off_best(found, pair.candidate, len(own)))))
+    corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
+                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()}, numbers_of(model))
+    return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
+                     where(problem, [e.name for e in answer.effects]),
+                     far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
+
+
+def off_best(found: Found, best: Candidate, count: int) -> FloatArray:
+    """Return how far the numbers of the model, `count` of them, are off those of the best set in all sets, rms."""
+    means = np.array([c.posterior.mean[:count] for c in found.candidates])
+    return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))
+
+
+def choices(problem: EquationError, found: Found, pair: Fitted, tolerated: dict[str, float],
+            most: int = 12) -> tuple[Choice, ...]:
+    """Return the list of candidates, the best set with its own numbers, the others with the equation error's."""
+    rows, rendered = problem.rows, []
+    best = found.candidates[0].log_probability
+    size = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
+    before = float(np.sqrt(np.sum(rows.error**2) / max(size, 1e-300)))
+    for candidate, p in list(zip(found.candidates, found.probabilities()))[:most]:
+        own = pair.best if candidate.keys == pair.candidate.keys else from_regression(problem, candidate, tolerated)
+        effects = [named_effect(problem, active, stds, 1.0) for active, stds in zip(own.effects, own.effects_std)]
+        after = float(np.sqrt(np.sum(left_by(problem, candidate) ** 2) / max(size, 1e-300)))
+        rendered.append(Choice(tuple(effects), float(p), candidate.log_probability - best, before, after))
+    return tuple(rendered)
+
+
+def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
+    """Return the gaps on unseen records."""
+    if not predictions:
+        return HowFar(0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0), ())
+    room = ledger.before**2 - ledger.noise**2
+    scale = ledger.before**2 / room if room > 0.1 * ledger.noise**2 and room > 0.0 else 0.0
+    # What no model predicts does not shrink the gap: a slow force and a constant of each record are explained alone.
+    told = 1.0 - sum(r.share for r in ledger.rows if r.cause in ("noise", "offset", DRIFT))
+    low, share, high = (float((told - left) * scale) for r in ledger.rows if r.cause == "unexplained"
+                        for left in (r.interval[1], r.share, r.interval[0]))
+    retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
+    return HowFar(ledger.before, retuned, ledger.after, ledger.noise, share, (low, high), ledger.unseen)

@@ -1,4 +1,4 @@
-"""Numbers of a set of effects that its error is not linear in: shapes by Gauss and Newton, clocks by the secant method.
+"""Sets of effects searched with numbers that the error is not linear in: shapes by Gauss and Newton, clocks by secants.
 
 The search knows a few starts of each shape, and of a delay its first order, to which two do for one.
 """
@@ -10,16 +10,58 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.effects.definition import Slab
+from radiation_ss.effects.definition import Effect, Slab
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.candidates import Candidate, Keys, Term, slabs_of, with_numbers
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, slabs_of, terms_of, with_numbers
 from radiation_ss.inference.linear_model import Columns, Sizes, joined
 from radiation_ss.inference.odds import SearchRules
-from radiation_ss.inference.problem import EquationError
+from radiation_ss.inference.problem import EquationError, pulled_slowly
 from radiation_ss.inference.regression import solve
-from radiation_ss.inference.search import promise, solve_set, start_sizes
+from radiation_ss.inference.search import (
+    Found,
+    first_set,
+    promise,
+    search,
+    solve_set,
+    start_sizes,
+    testable,
+    within_medians,
+)
 
 Slope = tuple[int, str, Slab, Columns]  # which term, the name of its number, its prior, the change of the error
+
+
+def searched(problem: EquationError, effects: Sequence[Effect], present: Sequence[str], rules: SearchRules,
+             visible: float, rounds: int) -> tuple[Found, list[Key]]:
+    """Return the sets of effects with their probabilities, shapes and clocks fitted, and what is not testable.
+
+    `visible`: see `testable`. `rounds`: how often shapes are fitted and sets searched again at most.
+    """
+    null = first_set(problem, (), rules)
+    if pulled_slowly(problem) and not present:
+        places = [(e.name, *at) for e in effects for at in e.places(problem.model.dofs)]
+        return search(problem, [], rules), places
+    posterior = solve(problem.rows, problem.base, within_medians(problem, null.posterior.sizes))
+    terms, hidden = testable(problem, posterior, terms_of(problem, effects), visible)
+    acting = {term.active.name for term in terms} | {name for name, _, _ in hidden}
+    hidden += [(e.name, "", "") for e in effects if not e.needs and e.name not in acting]
+    known = [] if present else [null, *likely_clocks(problem, null, terms, rules)]
+    found, done = search(problem, terms, rules, present, known), set()
+    # After a search by starts alone: an effect in its best shape may hide a set of simpler ones from it.
+    sharper = [] if present else likely_shapes(problem, null, terms, rules)
+    for _ in range(rounds):
+        best = [c for c in found.candidates[: rules.beam] if frozenset(c.terms) not in done]
+        sharper += [s for c in best[:2] for s in retimed(problem, c, rules, present)]
+        near = [*best, *(rivals(problem, best[0], terms, rules, present) if best else ())]
+        sharper += [fitted_shapes(problem, c, rules, present) for c in near
+                    if shaped(c) and frozenset(c.terms) not in done]
+        done |= {frozenset(c.terms) for c in (*near, *sharper)}
+        terms = [*terms, *(t for c in sharper for t in c.terms if t not in terms)]
+        if not any(s.log_probability > found.candidates[0].log_probability for s in sharper):
+            found = found.beside(sharper, terms)
+            break
+        found, sharper = search(problem, terms, rules, present, [*found.candidates, *sharper]), []
+    return replace(found, terms=(*found.terms, *late(problem, found.terms))), hidden
 
 
 def shaped(candidate: Candidate) -> Keys:

@@ -1,6 +1,6 @@
-"""From the probabilities of sets of effects to budget and verdict."""
+"""The verdict, and the grounds that it follows from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,30 +10,21 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.diagnosis.account import (
     Data,
     Fitted,
-    account,
     farthest,
     first,
     in_second_sensors,
-    numbers,
     numbers_told,
-    of_size,
     place,
     predictable,
 )
 from radiation_ss.diagnosis.left import (
     Remainder,
-    all_right,
     least_beside,
-    left_by,
     off_zero,
-    put_right,
-    remainder,
-    retried,
     share_left,
     unit_of,
 )
-from radiation_ss.diagnosis.prediction import Error, Predictor, gap_of
-from radiation_ss.diagnosis.result import Answer, Choice, Diagnosis, HowFar, Named, Recalibrated
+from radiation_ss.diagnosis.result import Answer, Named
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.sets import (
     Names,
@@ -47,49 +38,14 @@ from radiation_ss.diagnosis.sets import (
     within,
     zeros,
 )
-from radiation_ss.diagnosis.shares import DRIFT, Budget, Row
-from radiation_ss.diagnosis.where import where
+from radiation_ss.diagnosis.shares import Budget
 from radiation_ss.effects import Active
-from radiation_ss.effects.nominal import OwnNumber, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, Key, from_regression
+from radiation_ss.effects.nominal import OwnNumber
+from radiation_ss.inference.candidates import Key
 from radiation_ss.inference.problem import EquationError, pulled_slowly
 from radiation_ss.inference.search import Found
 from radiation_ss.records.columns import RATES
-from radiation_ss.simulation.corrected import Corrected, numbers_of
 from radiation_ss.simulation.headings import computed
-
-
-def concluded(problem: EquationError, found: Found, hidden: Sequence[Key], data: Data, rules: Rules) -> Diagnosis:
-    """Return the diagnosis that follows from a search."""
-    model = problem.model
-    errors = Predictor(model)
-    known = [r for r in data.fitted if predictable(model, r)]
-    pair, closed = of_size(Fitted(numbers(problem, found.candidates[0], data.tolerated, rules), found.candidates[0],
-                                  errors), problem, known, data.tolerated, rules)
-    rest = remainder(problem, pair.candidate, data, rules)
-    slow = [Row(e.name, e.dof, 0.0, (0.0, 0.0), e.inclusion, e.parameters) for e in rest.drifts.values()]
-
-    def checked(pair: Fitted) -> tuple[Budget, dict[str, list[Error]]]:
-        null, tested = (retried(pair, found.null, data.check(), data.tolerated, rules) if data.check
-                        else (numbers(problem, found.null, data.tolerated, rules), pair))
-        return account(found, null, tested, data, slow, rest.below)
-
-    ledger, predictions = checked(pair)
-    own = simulated_numbers(model, data.tolerated, force=problem.forced)
-    on = grounds(found, pair, ledger, closed, own, data, rest, rules)
-    answer = answered(on, found, ledger, hidden, rules)
-    if (zeroed := put_right(found, pair, on.zeros, data, rules)) is not pair:
-        told = checked(zeroed)
-        if all_right(told[0], on.zeros, rules):
-            pair, ledger, predictions = zeroed, *told
-    moved = tuple(Recalibrated(o.active.name.removeprefix("nominal_"), o.active.dof, first(a), s, o.spread)
-                  for o, a, s in zip(own, pair.best.nominal, np.hypot(pair.best.nominal_std,
-                                                                      off_best(found, pair.candidate, len(own)))))
-    corrected = Corrected({(a.name, a.dof): first(a) for a in pair.best.nominal}, pair.best.effects, data.tolerated,
-                          {dof: (s.x, s.omega) for dof, s in problem.scales.items()}, numbers_of(model))
-    return Diagnosis(model.name, answer, ledger, choices(problem, found, pair, data.tolerated),
-                     where(problem, [e.name for e in answer.effects]),
-                     far(ledger, predictions), corrected, moved, predictions, model.dofs, rules)
 
 
 @dataclass(frozen=True)
@@ -133,7 +89,7 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
     problem, dofs = found.problem, found.problem.model.dofs
     seen = np.maximum(closed, in_second_sensors(problem, pair.candidate))
     # Which of force, sensor and nominal zero is off cannot be told: such effects are in sets, and get no name.
-    sized = [(name(problem, active, stds, found.inclusion.get(active.key, 0.0)),
+    sized = [(named_effect(problem, active, stds, found.inclusion.get(active.key, 0.0)),
               stands_out(active, stds, rules.confirmed), size**2 >= rules.matters * float(closed @ closed))
              for active, stds, size in zip(pair.best.effects, pair.best.effects_std, seen)
              if size >= rules.matters and active.effect.family != "offset"]
@@ -211,12 +167,6 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
     return "no_gap", on.no_more, ()
 
 
-def off_best(found: Found, best: Candidate, count: int) -> FloatArray:
-    """Return how far the numbers of the model, `count` of them, are off those of the best set in all sets, rms."""
-    means = np.array([c.posterior.mean[:count] for c in found.candidates])
-    return np.asarray(np.sqrt(found.probabilities() @ (means - best.posterior.mean[:count]) ** 2))
-
-
 def shrinks(ledger: Budget, rules: Rules) -> bool:
     """Whether the best set leaves less of unseen records than there was, or no gap that matters."""
     return not ledger.unseen or ledger.after < ledger.before or ledger.after**2 < ledger.noise**2 + rules.matters**2
@@ -228,7 +178,7 @@ def stands_out(active: Active, stds: Sequence[float], least: float) -> bool:
     return any(p.strength and s > 0.0 and abs(active.values[n]) >= least * s for (n, p), s in zip(parameters, stds))
 
 
-def name(problem: EquationError, active: Active, stds: Sequence[float], chance: float) -> Named:
+def named_effect(problem: EquationError, active: Active, stds: Sequence[float], chance: float) -> Named:
     """Return an effect with numbers and units."""
     second = active.other or active.dof
     units = {n: unit_of(p.unit, active.dof, second) for n, p in active.effect.parameters.items()}
@@ -247,35 +197,6 @@ def surprising(own: Sequence[OwnNumber], pair: Fitted, rules: Rules) -> bool:
     least = float(norm.isf(0.5 * (1.0 - rules.credible) / len(own)))
     return any(abs(first(a)) - rules.confirmed * s > 0.0 and abs(first(a)) >= least * o.spread
                for o, a, s in zip(own, pair.best.nominal, pair.best.nominal_std))
-
-
-def choices(problem: EquationError, found: Found, pair: Fitted, tolerated: dict[str, float],
-            most: int = 12) -> tuple[Choice, ...]:
-    """Return the list of candidates, the best set with its own numbers, the others with the equation error's."""
-    rows, rendered = problem.rows, []
-    best = found.candidates[0].log_probability
-    size = sum(float(np.sum(rows.scale[p.rows] ** 2)) / p.bins for p in problem.places if p.order < 0)
-    before = float(np.sqrt(np.sum(rows.error**2) / max(size, 1e-300)))
-    for candidate, p in list(zip(found.candidates, found.probabilities()))[:most]:
-        own = pair.best if candidate.keys == pair.candidate.keys else from_regression(problem, candidate, tolerated)
-        effects = [name(problem, active, stds, 1.0) for active, stds in zip(own.effects, own.effects_std)]
-        after = float(np.sqrt(np.sum(left_by(problem, candidate) ** 2) / max(size, 1e-300)))
-        rendered.append(Choice(tuple(effects), float(p), candidate.log_probability - best, before, after))
-    return tuple(rendered)
-
-
-def far(ledger: Budget, predictions: Mapping[str, Sequence[Error]]) -> HowFar:
-    """Return the gaps on unseen records."""
-    if not predictions:
-        return HowFar(0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0), ())
-    room = ledger.before**2 - ledger.noise**2
-    scale = ledger.before**2 / room if room > 0.1 * ledger.noise**2 and room > 0.0 else 0.0
-    # What no model predicts does not shrink the gap: a slow force and a constant of each record are explained alone.
-    told = 1.0 - sum(r.share for r in ledger.rows if r.cause in ("noise", "offset", DRIFT))
-    low, share, high = (float((told - left) * scale) for r in ledger.rows if r.cause == "unexplained"
-                        for left in (r.interval[1], r.share, r.interval[0]))
-    retuned = gap_of(predictions["recalibrated"]) / max(gap_of(predictions["given"]), 1e-300) * ledger.before
-    return HowFar(ledger.before, retuned, ledger.after, ledger.noise, share, (low, high), ledger.unseen)
 
 
 def next_record(kinds: set[str], forced: bool, status: str, sets: Sequence[Names]) -> str:
