@@ -14,7 +14,7 @@ from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
-from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression
+from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, placed
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.noise_of_force import recorded_force, recorded_noise
 from radiation_ss.inference.problem import EquationError
@@ -260,13 +260,11 @@ def beyond(model: Model, run: MeasuredMotion, dof: int) -> float:
 
 def in_second_sensors(problem: EquationError, candidate: Candidate) -> FloatArray:
     """Return how much of the second sensors' rms each effect of a set makes that is theirs alone; 0 of the others."""
-    found, at = np.zeros(len(candidate.terms)), problem.base.count
-    for k, term in enumerate(candidate.terms):
-        strengths = candidate.posterior.mean[at:at + term.columns.count]
-        at += term.columns.count
-        for p in problem.places if not term.active.of_first_sensor else ():
+    found = np.zeros(len(candidate.terms))
+    for k, (term, at) in enumerate(placed(problem, candidate.terms)):
+        for p in [p for p in problem.places if p.order >= 0 and not term.active.of_first_sensor]:
             size = np.sqrt(problem.runs[p.record].time.size) * problem.rows.scale[p.rows].max()
-            made = np.linalg.norm(np.asarray(term.columns.values[p.rows]) @ strengths) if p.order >= 0 else 0.0
+            made = np.linalg.norm(np.asarray(term.columns.values[p.rows]) @ candidate.posterior.mean[at])
             found[k] = max(found[k], float(made / size))
     return found
 

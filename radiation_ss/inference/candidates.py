@@ -271,12 +271,17 @@ def by_records(problem: EquationError, column: Columns) -> Columns:
                    csc_array((terms[:, None] == there) * column.relative.toarray()))
 
 
+def placed(problem: EquationError, terms: Sequence[Term]) -> Iterator[tuple[Term, slice]]:
+    """Yield the terms of a set with where their unknowns stand, after those of the base columns."""
+    at = problem.base.count
+    for term in terms:
+        yield term, slice(at, at + term.columns.count)
+        at += term.columns.count
+
+
 def carried_over(problem: EquationError, near: Candidate, terms: Sequence[Term], columns: Columns) -> Posterior:
     """Return the unknowns of a set as another one has them; a term that this has not is at its prior."""
-    first, places = problem.base.count, dict[int, range]()
-    for term in near.terms:
-        places[id(term.active)] = range(first, first + term.columns.count)
-        first += term.columns.count
+    places = {id(term.active): range(at.start, at.stop) for term, at in placed(problem, near.terms)}
     wanted = [*range(problem.base.count)]
     for term in terms:
         wanted += places.get(id(term.active), [-1] * term.columns.count)

@@ -16,16 +16,10 @@ from radiation_ss.errors import InputError
 from radiation_ss.inference.candidates import Candidate, Keys
 from radiation_ss.inference.neighbours import Proposing
 from radiation_ss.inference.odds import SearchRules
-from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, best_first, with_inclusion
 from radiation_ss.inference.trajectory import Trajectories
 from radiation_ss.inference.trajectory_fit import FitRules
 from radiation_ss.inference.weighing import Proposal, Weighed, Weighing, let_go
-
-
-def simulable(problem: EquationError) -> bool:
-    """Whether all records are predicted by simulation: of a known force, their motion is free."""
-    return all(run.force is not None and not run.prescribed for run in problem.runs)
 
 
 def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRules, fit: FitRules,
@@ -34,7 +28,7 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
 
     The errors' standard deviations are, but for a factor, those that the equation error has found for its best set.
     """
-    if not simulable(found.problem):
+    if not all(run.driven for run in found.problem.runs):
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}

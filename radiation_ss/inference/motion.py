@@ -129,6 +129,11 @@ class MeasuredMotion:
         """Slope of the wave elevation by time [m/s]."""
         return np.gradient(self.elevation, self.dt)
 
+    @property
+    def driven(self) -> bool:
+        """Whether a known force drives its motion, which can then be predicted."""
+        return self.force is not None and not self.prescribed
+
     def under_way(self, share: float = 0.2) -> bool:
         """Whether it begins with a motion at more than a share of its largest velocity: not at a release."""
         speed = np.abs(self.v[self.free])

@@ -14,7 +14,7 @@ from radiation_ss.effects.definition import Active, Scales
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.inference.effect_features import Feature, Symbols
 from radiation_ss.inference.force_errors import typical_frequency
-from radiation_ss.inference.linear_model import Columns, Posterior, Rows
+from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.inference.rows import Place, about_mean, moved, projected
@@ -101,9 +101,13 @@ class EquationError:
         """
         below, own = np.zeros((2, len(self.runs), self.model.n))
         for r, run in enumerate(self.runs):
-            for i in np.flatnonzero(run.free) if run.force is not None and not run.prescribed else ():
+            for i in np.flatnonzero(run.free) if run.driven else ():
                 below[r, i], own[r, i] = 0.5 * typical_frequency(self.model, run, int(i)), run.omega[i]
         return np.asarray(below * np.any(own < below, axis=0))
+
+    def with_columns(self, more: Iterable[Columns]) -> Columns:
+        """Return the base columns and others beside them."""
+        return joined([self.base, *more])
 
     def residual(self, more: Sequence[Columns], posterior: Posterior, known: bool = False) -> FloatArray:
         """Return the error that is left in each row beside the base columns and `more`.

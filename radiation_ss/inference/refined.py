@@ -12,8 +12,8 @@ from scipy.sparse import csc_array
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Effect, Slab
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, slabs_of, terms_of, with_numbers
-from radiation_ss.inference.linear_model import Columns, Sizes, joined
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, placed, slabs_of, terms_of, with_numbers
+from radiation_ss.inference.linear_model import Columns, Sizes
 from radiation_ss.inference.odds import SearchRules
 from radiation_ss.inference.problem import EquationError, pulled_slowly
 from radiation_ss.inference.regression import solve
@@ -92,7 +92,7 @@ def rivals(problem: EquationError, best: Candidate, terms: Sequence[Term], rules
     for out in (t for t in best.terms if t.shaped and t.active.name not in present):
         rest = tuple(t for t in best.terms if t is not out)
         free = [t for t in terms if t.shaped and t.active.dof == out.active.dof and t.key not in best.keys]
-        columns = joined([problem.base, *(t.columns for t in rest)])
+        columns = problem.with_columns(t.columns for t in rest)
         order = sorted(promise(problem, best, columns, free, rules).values(), key=lambda pair: -pair[0])
         for _, term in order[: rules.width]:
             yield solve_set(problem, (*rest, term), best.posterior.sizes, rules, present, learned=False)
@@ -115,7 +115,7 @@ def fitted_shapes(problem: EquationError, candidate: Candidate, rules: SearchRul
         slopes = list(slopes_of(problem, found))
         if not slopes:
             return candidate
-        columns = joined([problem.base, *(t.columns for t in found.terms), *(s[-1] for s in slopes)])
+        columns = problem.with_columns([*(t.columns for t in found.terms), *(s[-1] for s in slopes)])
         posterior = solve(problem.rows, columns, found.posterior.sizes)
         change, covariance = posterior.mean[-len(slopes):], posterior.covariance[-len(slopes):, -len(slopes):]
         tried = (solve_set(problem, moved(problem, found.terms, slopes, share * change), found.posterior.sizes, rules,
@@ -135,13 +135,11 @@ def fitted_shapes(problem: EquationError, candidate: Candidate, rules: SearchRul
 
 def slopes_of(problem: EquationError, candidate: Candidate, part: float = 0.05) -> Iterator[Slope]:
     """Yield how the error changes with each number of a shape, by a step of a part of its prior."""
-    at = problem.base.count
-    for k, term in enumerate(candidate.terms):
-        strengths = candidate.posterior.mean[at:at + term.columns.count]
-        at += term.columns.count
+    for k, (term, at) in enumerate(placed(problem, candidate.terms)):
         slabs = slabs_of(problem, term.active.effect, term.active.dof, term.active.other)
         if not term.shaped or slabs is None:
             continue
+        strengths = candidate.posterior.mean[at]
         here = term.columns.values @ strengths
         for name in (n for n, slab in slabs.items() if not term.active.effect.parameters[n].strength and slab.sd):
             slab, value = slabs[name], term.active.values[name]
@@ -241,15 +239,14 @@ def clock_numbers(problem: EquationError, candidate: Candidate) -> FloatArray:
 
     The estimate takes over what the phase of the nominal force had taken. Shape (numbers, 3).
     """
-    found, at, (mean, std) = [], problem.base.count, (candidate.posterior.mean, candidate.posterior.std)
+    found, mean, std = [], candidate.posterior.mean, candidate.posterior.std
     phase = {label.split("|")[1]: value for label, value in zip(problem.labels, mean) if "force_phase" in label}
-    for term in candidate.terms:
+    for term, at in placed(problem, candidate.terms):
         if term.clock:
             place = problem.model.dofs.index(term.active.dof) if term.active.dof else 0
             late = phase.get(term.active.dof, 0.0) / natural_frequency(problem.model, place)
             found += [(about, value + late, deviation) for about, value, deviation
-                      in zip((term.active.values[name] for name in term.strengths), mean[at:], std[at:])]
-        at += term.columns.count
+                      in zip((term.active.values[name] for name in term.strengths), mean[at], std[at])]
     return np.array(found).reshape(-1, 3)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.errors import InputError
-from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, carried_over, twins
-from radiation_ss.inference.linear_model import Columns, Posterior, Sizes, joined
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, carried_over, placed, twins
+from radiation_ss.inference.linear_model import Columns, Posterior, Sizes
 from radiation_ss.inference.odds import SearchRules, in_likelier_widths, log_prior
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.regression import learn, solve
@@ -148,7 +148,7 @@ def own_sizes(problem: EquationError, candidate: Candidate, rules: SearchRules, 
 def proposals(problem: EquationError, parent: Candidate, terms: Sequence[Term], rules: SearchRules,
               fixed: Sequence[Term]) -> list[tuple[Term, ...]]:
     """Return the sets next to a candidate: one effect more, the most promising first, or one less."""
-    columns, less = joined([problem.base, *(term.columns for term in parent.terms)]), one_less(parent, fixed)
+    columns, less = problem.with_columns(term.columns for term in parent.terms), one_less(parent, fixed)
     if sum(t.active.effect.family != "offset" for t in parent.terms) >= rules.most:
         return less
     best = promise(problem, parent, columns, [t for t in terms if t.key not in parent.keys], rules)
@@ -171,11 +171,11 @@ def exchanges(problem: EquationError, parent: Candidate, terms: Sequence[Term], 
     """
     found = one_less(parent, fixed)
     if not found:
-        columns = joined([problem.base, *(term.columns for term in parent.terms)])
+        columns = problem.with_columns(term.columns for term in parent.terms)
         return [(*parent.terms, term) for _, term in promise(problem, parent, columns, terms, rules).values()]
     for rest in tuple(found):
         (out,) = set(parent.terms) - set(rest)
-        columns = joined([problem.base, *(term.columns for term in rest)])
+        columns = problem.with_columns(term.columns for term in rest)
         free = [out, *(t for t in terms if t.key not in parent.keys)]
         best = promise(problem, parent, columns, free, rules)
         least = best.pop(out.key, (np.inf, out))[0] - rules.slack
@@ -236,7 +236,7 @@ def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules
 def solve_terms(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules,
                 present: Sequence[str], learned: bool, near: Candidate | None) -> Candidate:
     """Return a set of effects with their priors as wide as they are."""
-    columns = joined([problem.base, *(term.columns for term in terms)])
+    columns = problem.with_columns(term.columns for term in terms)
     none = np.zeros(0)  # a search keeps many sets: what has the length of all rows is left out
     posterior = replace(learn(problem.rows, columns, sizes, rules.sizes, nuisances=problem.base.count,
                               near=None if near is None else carried_over(problem, near, terms, columns),
@@ -248,12 +248,11 @@ def solve_terms(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rul
 
 def with_strengths(problem: EquationError, terms: Sequence[Term], unknowns: FloatArray) -> list[Term]:
     """Return the terms with the strengths that are found, those that have one for all records."""
-    found, at = [], problem.base.count
-    for term in terms:
+    found = []
+    for term, at in placed(problem, terms):
         names = [] if term.active.effect.per_record else term.strengths
-        values = {**term.active.values, **dict(zip(names, unknowns[at:].tolist()))}
+        values = {**term.active.values, **dict(zip(names, unknowns[at].tolist()))}
         found.append(replace(term, active=replace(term.active, values=values)))
-        at += term.columns.count
     return found
 
 

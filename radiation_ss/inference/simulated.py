@@ -10,11 +10,10 @@ from scipy.interpolate import CubicSpline
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import Active, vector_of
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import Candidate, Key
+from radiation_ss.inference.candidates import Candidate, Key, placed
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
 from radiation_ss.inference.force_errors import shape_errors
-from radiation_ss.inference.linear_model import joined
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
 from radiation_ss.inference.noise_of_force import noise_at_resonance
@@ -166,7 +165,7 @@ class SimulatedRecords:
                   for _, values in shape_errors(problem.model, run, i)]
         if not forces:
             return np.zeros((0, n, run.time.size))
-        columns = joined([problem.base, *(term.columns for term in self.candidate.terms)])
+        columns = problem.with_columns(term.columns for term in self.candidate.terms)
         change = changes_of_impedance(problem, columns, self.candidate.posterior)[r]
         size = 4 * run.time.size
         at = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, run.dt), dtype=np.float64)
@@ -198,14 +197,13 @@ def blocks_of(starts: Mapping[Key | str, FloatArray], first: int, last: int) -> 
 
 def own_force(problem: EquationError, candidate: Candidate, r: int) -> FloatArray:
     """Return the force in one record of effects with numbers of each record's own, shape (n, nt)."""
-    run, at = problem.runs[r], problem.base.count
+    run = problem.runs[r]
     force = np.zeros_like(run.x)
     rows = [p.rows for p in problem.places if p.record == r]
-    for term in candidate.terms:
+    for term, at in placed(problem, candidate.terms):
         if term.active.effect.per_record and term.active.effect.force is not None:
             mine = np.asarray(term.columns.values[rows[0].start:rows[-1].stop])
             found = features(problem.symbols(term.active), term.active, [run])
             for k, of_record in zip(np.flatnonzero(np.any(mine, axis=0)), found):
-                force += candidate.posterior.mean[at + k] * of_record[0].force
-        at += term.columns.count
+                force += candidate.posterior.mean[at.start + k] * of_record[0].force
     return force

@@ -22,7 +22,7 @@ from radiation_ss.inference.candidates import (
     scales_at,
     unseen_strengths,
 )
-from radiation_ss.inference.linear_model import Normal, joined
+from radiation_ss.inference.linear_model import Normal
 from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
@@ -60,7 +60,7 @@ class Trajectories:
         self.kept = [k for k, term in enumerate(candidate.terms) if term.simulated]
         terms, effects = [candidate.terms[k] for k in self.kept], [first.effects[k] for k in self.kept]
         self.actives = (*first.nominal, *effects)
-        self.records = [r for r, run in enumerate(problem.runs) if run.force is not None and not run.prescribed]
+        self.records = [r for r, run in enumerate(problem.runs) if run.driven]
         self.base = vector_of(self.actives)
         simulated = SimulatedRecords(problem, candidate, self.actives, effects, self.records)
         h, coarse = simulated.steps(rough)
@@ -99,7 +99,7 @@ class Trajectories:
         self.size = int(self.offsets[-1])
         # The unknowns whose prior is a tolerance
         self.tolerated = np.concatenate([self.free < len(own), *(np.arange(k) >= k - self.forces.size for k in counts)])
-        columns = joined([problem.base, *(term.columns for term in candidate.terms)])
+        columns = problem.with_columns(term.columns for term in candidate.terms)
         self.weights: dict[Place, FloatArray] = (
             like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
         self.noise = np.ones(problem.model.n)  # what the errors' standard deviations are multiplied by

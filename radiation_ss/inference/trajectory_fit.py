@@ -204,7 +204,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     rules, search = rules or FitRules(), search or SearchRules()
     rules = replace(rules, gain=rules.last)
     fallback = from_regression(problem, candidate, tolerance)
-    if not any(run.force is not None and not run.prescribed for run in problem.runs):
+    if not any(run.driven for run in problem.runs):
         return fallback
     try:
         trial = Trajectories(problem, candidate, tolerance).tolerating(0.0)

@@ -9,8 +9,8 @@ from scipy.stats import norm
 from radiation_ss.arrays import FloatArray
 from radiation_ss.effects.definition import vector_of
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression
-from radiation_ss.inference.linear_model import Normal, Sizes, joined
+from radiation_ss.inference.candidates import Candidate, Key, Keys, Term, from_regression, placed
+from radiation_ss.inference.linear_model import Normal, Sizes
 from radiation_ss.inference.neighbours import Neighbour, Proposing, neighbours
 from radiation_ss.inference.odds import SearchRules, in_likelier_widths, log_prior
 from radiation_ss.inference.problem import EquationError
@@ -183,7 +183,7 @@ class Weighing:
         if len(others) <= self.fit.starts:
             return others
         problem, sizes = self.found.problem, replace(candidate.posterior.sizes, tolerance=0.0)
-        columns = joined([problem.base, *(t.columns for t in candidate.terms if t is not term)])
+        columns = problem.with_columns(t.columns for t in candidate.terms if t is not term)
         worth = gains(problem.rows, columns, solve(problem.rows, columns, sizes), [t.columns for t in others])
         return [others[k] for k in np.argsort(-np.nan_to_num(worth, nan=-np.inf))[: self.fit.starts]]
 
@@ -270,7 +270,7 @@ def of_second_sensors(problem: EquationError, candidate: Candidate) -> float:
     second = [place.rows for place in problem.places if place.order >= 0]
     if not second:
         return 0.0
-    columns, power = joined([problem.base, *(t.columns for t in candidate.terms)]), problem.rows.power.copy()
+    columns, power = problem.with_columns(t.columns for t in candidate.terms), problem.rows.power.copy()
     for rows in second:
         power[rows] = 0.0
     whole, first = (solve(rows, columns, candidate.posterior.sizes).log_evidence
@@ -280,10 +280,8 @@ def of_second_sensors(problem: EquationError, candidate: Candidate) -> float:
 
 def of_each_record(problem: EquationError, candidate: Candidate) -> float:
     """Return the log evidence of strengths that each record has for itself: simulations take them as they are."""
-    at, total = problem.base.count, 0.0
-    for term in candidate.terms:
-        mine = slice(at, at + term.columns.count)
-        at += term.columns.count
+    total = 0.0
+    for term, mine in placed(problem, candidate.terms):
         if term.active.effect.per_record:
             spread, covariance = term.columns.spread, candidate.posterior.covariance[mine, mine]
             total -= 0.5 * float(np.sum((candidate.posterior.mean[mine] / spread) ** 2))
