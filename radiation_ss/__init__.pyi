@@ -1,13 +1,13 @@
 """Public names for type checkers; `__init__.py` loads them on first use."""
 
 from radiation_ss.body.composite import cummins as cummins
+from radiation_ss.body.composite import mass_matrix as mass_matrix
 from radiation_ss.body.composite import rigid_body as rigid_body
 from radiation_ss.body.convert import as_model as as_model
 from radiation_ss.body.convert import read_model as read_model
 from radiation_ss.body.discretisation import sampled as sampled
 from radiation_ss.body.make import body as body
 from radiation_ss.body.model import Model as Model
-from radiation_ss.body.particulars import mass_matrix as mass_matrix
 from radiation_ss.design.gap_metric import gap_metric as gap_metric
 from radiation_ss.design.gap_metric import robust_margin as robust_margin
 from radiation_ss.design.isolability import isolability as isolability

@@ -21,8 +21,8 @@ class _Maker(ModuleType):
 sys.modules[__name__].__class__ = _Maker
 
 __getattr__, __all__ = door(__name__, {
-    "composite": "cummins rigid_body system_matrices",
+    "composite": "cummins mass_matrix rigid_body system_matrices",
     "make": "body",
     "dynamics": "Modes natural_modes",
-    "particulars": "mass_matrix RIGID",
+    "particulars": "RIGID",
 })

@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import FloatArray
-from radiation_ss.body.composite import no_radiation
+from radiation_ss.body.composite import mass_matrix, no_radiation
 from radiation_ss.body.convert import as_model
-from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.body.model import TOLERANCES, Model, checked_tolerance
 from radiation_ss.body.particulars import (
     RESTORED,
     Particulars,
     damping_of_ratio,
     from_period,
-    mass_matrix,
     particulars,
+    refuse_other_swing,
     size_doubts,
 )
 from radiation_ss.errors import InputError, InputWarning
@@ -90,19 +89,10 @@ def body(system: Any = None, /, *, radiation: HydroData | RadiationFit | str | P
     if data is not None:
         data = data.replace(M=M, C=C, D=D)
     model = Model(p.dof, M, A_inf, C, fit or no_radiation(p.dof), D, data, name)
-    _refuse_other_swing(p, model)
+    refuse_other_swing(p, model)
     for text in size_doubts(p, model):
         warnings.warn(InputWarning(text), stacklevel=2)
     return model.replace(tolerance=every or _tolerances(said, p, data, fit, model))
-
-
-def _refuse_other_swing(p: Particulars, model: Model) -> None:
-    """Refuse a period that only a mode of the radiation has: the body's own displacement goes by another."""
-    for dof, found in zip(model.dofs, natural_modes(model).period):
-        asked = p.of("period", dof)
-        if asked is not None and not np.isclose(found, asked, rtol=1e-4):
-            raise InputError(f"period of {dof}: {asked:g} s; no body that is released oscillates so with this inertia "
-                             "and radiation; check the period [s] and the mass [kg]")
 
 
 def _inputs(radiation: Any, section: Any, length: float | None, depth: float, numbers: Mapping[str, Any],

@@ -1,17 +1,16 @@
 """What drawings, an inclining test and a decay tell of a body, checked; and what a period and a damping ratio imply."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from radiation_ss.arrays import FloatArray, check_height, positive, read_only
+from radiation_ss.arrays import check_height
+from radiation_ss.body.dynamics import natural_modes
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.clean import rigid_inertia
-from radiation_ss.hydro.data import RIGID, ROTATIONS, body, mode, motion_unit
+from radiation_ss.hydro.data import RIGID, ROTATIONS, mode, motion_unit
 from radiation_ss.units import check_water
 
 if TYPE_CHECKING:
@@ -182,6 +181,15 @@ def size_doubts(p: Particulars, model: "Model", most: float = 100.0) -> Iterator
                    f"m, {water}; check mass [kg], gyradius [m], period [s] and GM [m]")
 
 
+def refuse_other_swing(p: Particulars, model: "Model") -> None:
+    """Refuse a period that only a mode of the radiation has: the body's own displacement goes by another."""
+    for dof, found in zip(model.dofs, natural_modes(model).period):
+        asked = p.of("period", dof)
+        if asked is not None and not np.isclose(found, asked, rtol=1e-4):
+            raise InputError(f"period of {dof}: {asked:g} s; no body that is released oscillates so with this inertia "
+                             "and radiation; check the period [s] and the mass [kg]")
+
+
 def pole(period: float, ratio: float) -> complex:
     """Return the pole of a decay with this period of its oscillation [s] and damping ratio [1/s].
 
@@ -254,57 +262,3 @@ def damping_of_ratio(ratio: float, K: Transfer, inertia: float, stiffness: float
         raise InputError(f"damping_ratio: {ratio:g} is less than what radiation alone gives; give a larger ratio, or "
                          "leave it out")
     return max(damping, 0.0)
-
-
-def mass_matrix(mass: float, centre_of_gravity: Sequence[float], *, gyradii: ArrayLike | None = None,
-                inertia: ArrayLike | None = None, dofs: Sequence[str] = RIGID,
-                reference_point: Sequence[float] = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Return the rigid-body mass matrix about a reference point, shape (n, n) [kg, kg m, kg m^2].
-
-    M = [[m I, -m S], [m S, I_G - m S S]] with S the cross-product matrix of the arm from the point to G.
-
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    centre_of_gravity : sequence of float
-        (x, y, z) [m], z up from the still water surface.
-    gyradii : array_like, shape (3,), optional
-        Radii of gyration about G in roll, pitch and yaw [m].
-    inertia : array_like, shape (3, 3), optional
-        Inertia tensor about G [kg m^2] instead of gyradii (products with their sign: -int x y dm).
-    dofs : sequence of str
-        Degrees of freedom of this one body; all six by default.
-    reference_point : sequence of float
-        (x, y, z) [m] that rotations are about.
-
-    Raises
-    ------
-    InputError
-        If a value is not positive, a rotation is asked for without inertia, or a degree of freedom is not rigid.
-
-    Examples
-    --------
-    >>> import radiation_ss as rss
-    >>> rss.mass_matrix(10.0, (0.0, 0.0, 0.2), gyradii=(0.3, 0.5, 0.5), dofs=("Sway", "Roll")).round(3).tolist()
-    [[10.0, -2.0], [-2.0, 1.3]]
-    """
-    mass = positive(mass, "mass", "kg")
-    unknown = [dof for dof in dofs if mode(dof) not in RIGID]
-    if unknown or len({body(dof) for dof in dofs}) > 1:
-        raise InputError(f"dofs: {list(dofs)} must be rigid modes of one body ({', '.join(RIGID)})")
-    if gyradii is not None and inertia is not None:
-        raise InputError("gyradii, inertia: give one of the two")
-    if gyradii is not None:
-        tensor = mass * np.diag(read_only(gyradii, "gyradii", (3,)) ** 2)
-    elif inertia is not None:
-        tensor = read_only(inertia, "inertia", (3, 3))
-    elif any(mode(dof) in ROTATIONS for dof in dofs):
-        raise InputError("gyradii: needed for rotations [m], or the inertia tensor about G")
-    else:
-        tensor = np.zeros((3, 3))
-    if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < 0.0:
-        raise InputError("inertia: must be symmetric and not negative")
-    arm = read_only(centre_of_gravity, "centre_of_gravity", (3,)) - read_only(reference_point, "reference_point", (3,))
-    pick = [RIGID.index(mode(dof)) for dof in dofs]
-    return rigid_inertia(mass, tensor, arm)[np.ix_(pick, pick)]

@@ -5,9 +5,8 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 
-from radiation_ss.cli.output import failed, interrupts, log_to_stderr, note, show, warn
+from radiation_ss.cli.output import Parser, failed, interrupts, log_to_stderr, note, show, warn
 from radiation_ss.cli.scenario import USUAL_DECAY, USUAL_SEA
 from radiation_ss.methods import later
 from radiation_ss.records.record import KINDS
@@ -43,16 +42,6 @@ _radiation_ss() {{
 }}
 complete -o filenames -F _radiation_ss radiation-ss
 """
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, as all other messages of the program."""
-
-    def error(self, message: str) -> NoReturn:
-        """Leave with status 2 and one line."""
-        if message.startswith("unrecognized arguments: ") and "arguments: -" not in message:
-            message += " (an option that may be repeated takes one value each time: --withhold A --withhold B)"
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

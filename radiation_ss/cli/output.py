@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer, current_thread, main_thread
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 from radiation_ss.errors import InputError, RadiationError
 
@@ -26,6 +26,16 @@ NOTE = logging.INFO + 5  # shown unless --quiet; progress, at INFO, only with --
 logging.addLevelName(NOTE, "NOTE")
 Tell = Callable[[str, float], None]
 INTERRUPTED = 130  # the shell's status of a program that Ctrl-C ended
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, as all other messages of the program."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with status 2 and one line."""
+        if message.startswith("unrecognized arguments: ") and "arguments: -" not in message:
+            message += " (an option that may be repeated takes one value each time: --withhold A --withhold B)"
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 class OneLine(logging.Formatter):
