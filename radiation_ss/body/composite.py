@@ -1,4 +1,4 @@
-"""Composite (Cummins) systems as ct.StateSpace, assembled directly (A_inf sits in the inertia); rigid bodies and masses."""
+"""Composite (Cummins) systems as ct.StateSpace, assembled directly: A_inf sits in the inertia; rigid bodies, masses."""
 
 import re
 from collections.abc import Mapping, Sequence
