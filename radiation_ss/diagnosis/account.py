@@ -15,8 +15,8 @@ from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
 from radiation_ss.effects.nominal import OwnNumber, natural_frequency, simulated_numbers
 from radiation_ss.inference.candidates import Candidate, FittedSet, from_regression, placed
+from radiation_ss.inference.force_errors import recorded_force, recorded_noise
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.noise_of_force import recorded_force, recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.search import Found, solve_set
 from radiation_ss.inference.sensor_noise import noise_of

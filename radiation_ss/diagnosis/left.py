@@ -19,11 +19,10 @@ from radiation_ss.effects import effect_named
 from radiation_ss.effects.slabs import slab
 from radiation_ss.hydro.data import force_unit, motion_unit
 from radiation_ss.inference.candidates import Candidate, FittedSet, with_numbers
-from radiation_ss.inference.force_errors import typical_frequency
+from radiation_ss.inference.force_errors import recorded_noise, typical_frequency
 from radiation_ss.inference.linear_model import variance
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion import MeasuredMotion
-from radiation_ss.inference.noise_of_force import recorded_noise
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place, force_noise, projected
 from radiation_ss.inference.search import Found, solve_set, start_sizes

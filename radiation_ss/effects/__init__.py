@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from radiation_ss.arrays import listed
-from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import Active, Effect, Scales, named
+from radiation_ss.effects.definition import Active, Effect, Scales, acting, named
 from radiation_ss.effects.slabs import in_harmonic_motion, numeric
 from radiation_ss.errors import InputError
 from radiation_ss.methods import door

@@ -11,7 +11,7 @@ __getattr__, __all__ = door(__name__, {
     "laplace": "find_peak sample Target",
     "linear_model": "Columns Rows Sizes bounded_step joined",
     "local_cosine": "blocks projected_on smooth",
-    "noise_of_force": "narrow_resonance noise_at_resonance",
+    "force_errors": "narrow_resonance noise_at_resonance",
     "motion": "measured_motion",
     "own": "Own",
     "points": "point_values",

@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.acting import Action, acting
-from radiation_ss.effects.definition import DEPTHS, Active, named
+from radiation_ss.effects.definition import DEPTHS, Action, Active, acting, named
 from radiation_ss.fit.rational import frequency_response
 from radiation_ss.inference.motion import MeasuredMotion
 from radiation_ss.simulation.compiled import Compiled

@@ -85,14 +85,9 @@ def denied(weighing: Weighing, ranked: Sequence[Weighed], known: Mapping[Keys, C
 def known_next_to(weighed: Weighed, known: Mapping[Keys, Candidate], rules: SearchRules) -> list[Proposal]:
     """Return the known sets without one effect of a set, and the likeliest others by the equation error next to it."""
     best = weighed.candidate
-    near = [c for c in known.values() if 0 < apart(c, best) <= 2 and abs(len(c.keys) - len(best.keys)) <= 1]
+    near = [c for c in known.values() if 0 < len(c.keys ^ best.keys) <= 2 and abs(len(c.keys) - len(best.keys)) <= 1]
     near.sort(key=lambda c: -c.log_probability)
     return [Proposal(c) for c in (*(c for c in near if c.keys < best.keys), *near[: rules.beam])]
-
-
-def apart(one: Candidate, other: Candidate) -> int:
-    """Return how many effects are in one of two sets only."""
-    return len(one.keys ^ other.keys)
 
 
 def averaged(found: Found, ranked: Sequence[Weighed], slack: float) -> Found:

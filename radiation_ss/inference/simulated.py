@@ -13,10 +13,9 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.candidates import Candidate, Key, placed
 from radiation_ss.inference.effect_features import features
 from radiation_ss.inference.equation import LEFT_OUT, radiation_left_out, unexplained_forces
-from radiation_ss.inference.force_errors import shape_errors
+from radiation_ss.inference.force_errors import noise_at_resonance, shape_errors
 from radiation_ss.inference.local_cosine import projected_on
 from radiation_ss.inference.motion_rows import changes_of_impedance, stiffened
-from radiation_ss.inference.noise_of_force import noise_at_resonance
 from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.rows import Place
 from radiation_ss.records.record import Record

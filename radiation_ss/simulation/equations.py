@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
-from radiation_ss.effects.acting import acting
-from radiation_ss.effects.definition import DEPTHS, Active, named
+from radiation_ss.effects.definition import DEPTHS, Active, acting, named
 
 if TYPE_CHECKING:
     pass
