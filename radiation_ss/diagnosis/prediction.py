@@ -103,8 +103,7 @@ def cut_of(record: Record, tail: float, swings: int = 8) -> float:
     return min(cut, max(moved, *swung))
 
 
-def errors_on(model: Model, actives: Sequence[Active], record: Record,
-              starts: dict[int, FloatArray] | None = None) -> list[Error]:
+def errors_on(model: Model, actives: Sequence[Active], record: Record, starts: dict[int, FloatArray]) -> list[Error]:
     """Predict a record from its start and return the errors.
 
     Of each degree of freedom the displacement counts; a velocity or acceleration only where there is none. Of a
@@ -113,7 +112,6 @@ def errors_on(model: Model, actives: Sequence[Active], record: Record,
     """
     if record.kind in ("prescribed", "static"):
         return force_errors(model, actives, measured_motion(model, record))
-    starts = {} if starts is None else starts
     rollout, prepared, motion, p = run(model, record, tuple(actives), None, near=starts.get(id(record)))
     starts[id(record)] = motion.state[0]
     found = []

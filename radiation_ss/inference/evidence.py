@@ -23,7 +23,7 @@ from radiation_ss.inference.weighing import Proposal, Weighed, Weighing, let_go
 
 
 def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRules, fit: FitRules,
-                    present: Sequence[str] = ()) -> Found:
+                    present: Sequence[str]) -> Found:
     """Return sets of effects with their probabilities by trajectories, if all records are predicted by simulation.
 
     The errors' standard deviations are, but for a factor, those that the equation error has found for its best set.

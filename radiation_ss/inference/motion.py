@@ -224,8 +224,7 @@ def followed(model: Model, record: Record, x: FloatArray) -> FloatArray:
     return found
 
 
-def parted(model: Model, record: Record, resolution: Resolution | None = None,
-           missed: float = 1.5) -> tuple[list[Record], list[str]]:
+def parted(model: Model, record: Record, missed: float = 1.5) -> tuple[list[Record], list[str]]:
     """Return the parts of a record between gaps of more than half a period, and a sentence on what is left out.
 
     Gaps are those of motions, of forces and of the elevation that makes them. An interval between samples is no gap
@@ -241,7 +240,7 @@ def parted(model: Model, record: Record, resolution: Resolution | None = None,
             for gap in unread(record, at, np.pi / w, missed)]
     if not gaps:
         return [record], []
-    gaps, least = sorted(set(gaps)), (resolution or Resolution()).periods * 2 * np.pi / max(omega)
+    gaps, least = sorted(set(gaps)), Resolution().periods * 2 * np.pi / max(omega)
     starts = np.maximum.accumulate([record.time[0], *(end for _, end in gaps)])
     spans = [(a, b) for a, b in zip(starts, [*(start for start, _ in gaps), record.time[-1]]) if b - a >= least]
     if not spans:

@@ -1,6 +1,6 @@
 """Parameters of a fitted radiation subsystem with their prior: denominators that entries share, smooth errors."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,27 +82,18 @@ def with_table(form: Parametrisation, model: Model) -> Parametrisation:
     return replace(form, mean=mean, beside=Remainder(omega, np.asarray(left, dtype=np.complex128)))
 
 
-@dataclass(frozen=True)
-class SmoothError:
-    """The prior under which the relative error of the damping is smooth in frequency."""
-
-    length: float = 0.5  # Correlation length of the error in log omega
-    rough: float = 0.1  # White part of the error of each entry, over the smooth part
-    wide: float = 3.0  # Largest deviation of what the damping does not show, over that of independent parameters
-    floor: float = 0.1  # Share of the largest damping below which errors are relative to it
-    count: int = 40  # Number of frequencies, from a tenth to ten times the poles' own
-
-
-def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float,
-                      error: SmoothError | None = None) -> Parametrisation:
+def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float, length: float = 0.5,
+                      rough: float = 0.1, wide: float = 3.0, floor: float = 0.1, count: int = 40) -> Parametrisation:
     """Return the parametrisation with a prior under which the relative error of the damping is smooth in frequency.
 
     The error of B_jk is half the sum of the errors of j and k, each a normal process in log omega; A follows by
     causality, because theta gives both. Independent coefficients would let B change sign, and A be off where no B
     causes it. `form`: with independent parameters. `prior`: relative standard deviation of K, as in `parametrise`.
+    `length`: correlation length of the error in log omega. `rough`: white part of the error of each entry, over the
+    smooth part. `wide`: largest deviation of what the damping does not show, over that of independent parameters.
+    `floor`: share of the largest damping below which errors are relative to it. `count`: of frequencies, from a tenth
+    to ten times the poles' own.
     """
-    error = error or SmoothError()
-    count = error.count
     blocks = [block for block in form.blocks if not block.rest]
     entries = [entry for block in blocks for entry in block.entries]
     j, k = np.array(entries).T
@@ -112,17 +103,17 @@ def with_smooth_error(form: Parametrisation, poles: ComplexArray, prior: float,
     omega, low = np.geomspace(0.1, 10.0, count) * middle, np.linspace(0.0, 2.0, count) * middle
     B = form.K(form.mean, omega).real
     own = np.abs(np.einsum("wii->iw", B))
-    own = np.maximum(own, error.floor * own.max(axis=1, keepdims=True))
+    own = np.maximum(own, floor * own.max(axis=1, keepdims=True))
     size = np.sqrt(own[j] * own[k])                                                 # (entries, nw)
     slopes = _slopes(form, kernel, omega)[..., j, k].real / size.T                  # (parameters, nw, entries)
     x = np.log(omega)
-    smooth = np.exp(-0.5 * ((x[:, None] - x) / error.length) ** 2)
+    smooth = np.exp(-0.5 * ((x[:, None] - x) / length) ** 2)
     shared = 0.25 * sum(1.0 * (a[:, None] == b) for a in (j, k) for b in (j, k))
     weight = (B[:, j, k].T / size)
     C = np.einsum("ew,wv,ef,fv->ewfv", weight, smooth, shared, weight).reshape(2 * (len(entries) * count,))
     J = slopes.transpose(2, 1, 0).reshape(len(entries) * count, kernel.size)
-    precision = J.T @ np.linalg.solve(prior**2 * (C + error.rough**2 * np.eye(C.shape[0])), J)
-    precision += np.diag((error.wide * form.std[kernel]) ** -2.0)
+    precision = J.T @ np.linalg.solve(prior**2 * (C + rough**2 * np.eye(C.shape[0])), J)
+    precision += np.diag((wide * form.std[kernel]) ** -2.0)
     root = np.diag(form.std[form.active])
     at = np.searchsorted(form.active, kernel)
     root[np.ix_(at, at)] = np.linalg.cholesky(np.linalg.inv(precision))

@@ -219,13 +219,12 @@ def within_medians(problem: EquationError, sizes: Sizes) -> Sizes:
     return replace(sizes, share=share, ambient=ambient, noise=np.minimum(sizes.noise, start.noise))
 
 
-def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules | None = None,
+def solve_set(problem: EquationError, terms: Sequence[Term], sizes: Sizes, rules: SearchRules,
               present: Sequence[str] = (), learned: bool = True, near: Candidate | None = None) -> Candidate:
     """Return a set of effects with all sizes learned, or with `sizes` as they are, from the unknowns of one `near`.
 
     Each force is as strong as is likelier of what is found.
     """
-    rules = rules or SearchRules()
     found = solve_terms(problem, terms, sizes, rules, present, learned, near)
     likelier = in_likelier_widths(with_strengths(problem, found.terms, found.posterior.mean), found.terms, rules)
     if all(new is old for new, old in zip(likelier, terms)):

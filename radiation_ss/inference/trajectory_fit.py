@@ -195,13 +195,12 @@ def log_noise(trial: Trajectories, now: Normal, noise: FloatArray, rules: Search
 
 
 def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
-                     search: SearchRules | None = None, rules: FitRules | None = None) -> FittedSet:
+                     search: SearchRules, rules: FitRules) -> FittedSet:
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
     Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection,
     at the most probable sizes. Records whose motion is prescribed are predicted by the equation error itself.
     """
-    rules, search = rules or FitRules(), search or SearchRules()
     rules = replace(rules, gain=rules.last)
     fallback = from_regression(problem, candidate, tolerance)
     if not any(run.driven for run in problem.runs):
