@@ -15,7 +15,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.errors import InputError
 from radiation_ss.filter.dual_enkf import DualEnKF
 from radiation_ss.identification.channels import Channels, motion_channels
-from radiation_ss.identification.force import Window, force_model, smoothed
+from radiation_ss.identification.force import MARGIN, force_model, smoothed
 from radiation_ss.identification.motion_only import describe_sea, structures
 from radiation_ss.identification.sea import families
 from radiation_ss.identification.spectral import SpectralLikelihood, spectral_likelihood
@@ -187,7 +187,7 @@ def block_force(part: SpectralLikelihood, belief: Belief, channels: Channels, bl
                 draws: int = 6) -> tuple[FloatArray, FloatArray]:
     """Return force mean and half the width of its band (nt, n) of a block from the motion up to its end."""
     n = study.n_u
-    lead = max(0, block[0] - int(2.0 * Window().margin * channels.period / channels.dt))
+    lead = max(0, block[0] - int(2.0 * MARGIN * channels.period / channels.dt))
     y = channels.y[lead:block[1]] / part.channels.rms
     rows = study.rng.multivariate_normal(belief.mean, belief.covariance, size=draws)
     allowed = [row if study.allowed(row[:n]) else belief.mean for row in rows]

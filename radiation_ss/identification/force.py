@@ -24,13 +24,8 @@ from radiation_ss.identification.study import ForceEstimate, Study
 from radiation_ss.inference.parameters import Parametrisation
 from radiation_ss.records.record import Record
 
-
-@dataclass(frozen=True)
-class Window:
-    """A window of the smoother, in typical periods: the part kept, and the part beyond it on each side."""
-
-    core: float = 10.0
-    margin: float = 5.0
+# A window of the smoother, in typical periods: with the part beyond what is kept, and that part on each side
+WINDOW, MARGIN = 20.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +126,11 @@ def window_estimate(model: ForceSpectra, length: int, dt: float, good: np.ndarra
     return lower, root, np.maximum(np.tile(Rff, length) - np.sum(root**2, axis=0), 0.0)
 
 
-def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float,
-               cut: Window = Window()) -> tuple[FloatArray, FloatArray]:
+def smooth_one(model: ForceSpectra, y: FloatArray, dt: float, period: float) -> tuple[FloatArray, FloatArray]:
     """Return force mean and variance, each (nt, n), from motion y (nt, p) with NaN where missing."""
     nt, n = y.shape[0], model.force.shape[1]
-    length = min(nt, int((cut.core + 2.0 * cut.margin) * period / dt))
-    margin = min(int(cut.margin * period / dt), (length - 1) // 2)
+    length = min(nt, int(WINDOW * period / dt))
+    margin = min(int(MARGIN * period / dt), (length - 1) // 2)
     mean, variance = np.zeros((nt, n)), np.zeros((nt, n))
     good = np.isfinite(y)
     complete = window_estimate(model, length, dt, np.ones((length, y.shape[1]), bool))
@@ -200,8 +194,7 @@ def estimate_force(branches: Sequence[tuple[SpectralLikelihood, FloatArray, Floa
     pick = np.unique(np.linspace(0, len(rows) - 1, min(draws, len(rows))).astype(int))
     channels = branches[0][0].channels
     y, dt, period = (channels.y - np.nanmean(channels.y, axis=0)) / channels.rms, channels.dt, channels.period
-    cut = Window()
-    stride = max(1, int(np.ceil((cut.core + 2.0 * cut.margin) * period / dt / most)))
+    stride = max(1, int(np.ceil(WINDOW * period / dt / most)))
     mean, half = smoothed([force_model(*rows[i]) for i in pick], y[::stride], dt * stride, period)
     if stride > 1:
         from scipy.interpolate import CubicSpline
