@@ -5,7 +5,7 @@ import pytest
 from plant_bodies import tank_model
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter, lsim
+from scipy.signal import StateSpace, lfilter, lsim
 from seeds import some
 
 import radiation_ss as rss
@@ -316,3 +316,39 @@ def test_a_taut_line_stiffer_than_the_water_is_found_in_its_own_shape(seed):
     records.append(rss.Record(time, {"Heave": moved(force, 0.0), "Heave_force": force(time)}, kind="forced"))
     line, = rss.diagnose(model, records).verdict.effects
     assert line.name == "slack_mooring" and line.parameters["stiffness"][0] == pytest.approx(140.0, rel=0.05)
+
+
+def carrying_a_tank(rng, mass=8.0, natural=0.8, ratio=0.03):
+    """Return a moored body, whose inertia holds a tank's, and records in waves far above the tank's frequency.
+
+    Body and tank are two masses, solved together; the records begin when both have been under way for 200 s.
+    """
+    M, A, C, D, time = 50.0, 10.0, 38.0, 2.0, np.arange(0.0, 280.0, 0.05)
+    rigid = rss.RadiationFit(("Surge",), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 0)
+    model = rss.Model(("Surge",), [[M]], [[A]], [[C]], rigid, D=[[D]])
+    inverse = np.linalg.inv([[M + A, mass], [mass, mass]])
+    K, B = np.diag([C, mass * natural**2]), np.diag([D, 2.0 * ratio * natural * mass])
+    both = StateSpace(np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ K, -inverse @ B]]),
+                      np.vstack([np.zeros((2, 1)), inverse[:, :1]]), np.eye(4), np.zeros((4, 1)))
+    records = []
+    for k in range(3):
+        waves, slow = np.linspace(3.0, 9.0, 300) + rng.uniform(0.0, 0.02, 300), np.linspace(0.3, 1.5, 60)
+        force = 0.5 * np.cos(np.outer(time, waves) + rng.uniform(0.0, 6.3, 300)) @ np.exp(-((waves - 5.5) / 1.5) ** 2)
+        force += 0.003 * np.cos(np.outer(time, slow) + rng.uniform(0.0, 6.3, 60)).sum(axis=1)
+        x = lsim(both, force, time)[1][time >= 200.0, 0]
+        records.append(rss.Record(time[time >= 200.0] - 200.0, {
+            "Surge": x + 0.005 * x.std() * rng.standard_normal(x.size), "Surge_force": force[time >= 200.0]},
+            name=f"waves_{k}"))
+    return model, records
+
+
+@pytest.mark.parametrize("seed", some(range(3)))
+def test_a_tank_that_rings_below_the_waves_is_no_missing_mass(seed):
+    model, records = carrying_a_tank(np.random.default_rng(seed))
+    effects = ["tank_resonance", "added_inertia", "linear_stiffness", "linear_damping"]
+    found = rss.diagnose(model, records[:2], withhold=records[2:], effects=effects)
+    (tank,) = found.verdict.effects
+    assert tank.name == "tank_resonance"
+    for name, true in (("coupling", 8.0), ("frequency", 0.8), ("damping_ratio", 0.03), ("rigid", 1.0)):
+        value, std = tank.parameters[name]
+        assert abs(value - true) < 4.0 * std  # of twelve numbers the farthest

@@ -8,6 +8,7 @@ from plant_bodies import tank_model
 
 import radiation_ss as rss
 from radiation_ss import HydroData
+from radiation_ss.inference import parted
 from radiation_ss.simulation import coarse_excitation, exciting_force, mean_frequency, unsure_edge
 
 MIDDLE = 6.0  # rad/s
@@ -52,6 +53,26 @@ def test_the_edge_is_what_a_long_body_reaches(seed):
     sure, before = ((time > cut) & (time < 60.0 - cut) for cut in (edge, short))
     # Below the 1 % noise of a good record, where 1.5 periods left many times that.
     assert np.sqrt(np.mean(error[sure] ** 2)) < 0.01 and np.sqrt(np.mean(error[before] ** 2)) > 0.05
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_of_the_motion_takes_no_force_from_the_parts_beside_it(seed):
+    rng, half, time = np.random.default_rng(seed), 4.0, np.arange(0.0, 120.0, 0.05)
+    omega, waves = sea(rng, time)
+    force = (waves * np.sinc(omega * half / np.pi)).sum(axis=1).real
+    elevation, at = waves.sum(axis=1).real, np.linspace(2.0, 12.0, 400)
+    model, gap = body(np.sinc(at * half / np.pi), at), (time > 58.0) & (time < 60.0)
+    seen = record(time, elevation).with_channels(Heave=np.where(gap, np.nan, elevation))
+    parts, _ = parted(model, seen)
+    assert len(parts) == 2
+    for part, (first, last) in zip(parts, ((0.0, 58.0), (60.0, 120.0))):
+        edge = unsure_edge(model, part)
+        inside = (part.time >= part.time[0] + edge) & (part.time <= part.time[-1] - edge)
+        sure = part.time[inside]
+        assert first <= sure[0] and sure[-1] <= last and np.isfinite(part.channels["Heave"][inside]).all()
+        assert min(sure[0] - first, last - sure[-1]) < 0.1  # nothing is lost beside the gap
+        error = exciting_force(model, part)[0](sure) - np.interp(sure, time, force)
+        assert np.sqrt(np.mean(error**2)) < 0.01 * force.std()
 
 
 @settings(max_examples=40)

@@ -12,7 +12,7 @@ __getattr__, __all__ = door(__name__, {
     "linear_model": "Columns Rows Sizes bounded_step joined",
     "local_cosine": "blocks projected_on smooth",
     "force_errors": "narrow_resonance noise_at_resonance",
-    "motion": "measured_motion",
+    "motion": "measured_motion parted",
     "own": "Own",
     "points": "point_values",
     "prior": "parametrise",

@@ -249,10 +249,28 @@ def parted(model: Model, record: Record, missed: float = 1.5) -> tuple[list[Reco
     told = ", ".join(f"{start:.4g} to {end:.4g} s" for start, end in gaps)
     none = {f"{dof}_force": np.zeros(record.time.size) for dof in model.dofs}
     later = replace(record, kind="forced", channels={**record.channels, **none}) if record.kind == "decay" else record
-    parts = [replace((record if a == record.time[0] else later).window(a, np.nextafter(b, np.inf)),
+    parts = [replace(with_waves(model, record if a == record.time[0] else later, a, b),
                      name=f"{record.name} from {a:.4g} s") for a, b in spans]
     return parts, [f"Record {record.name}: motion or force is not measured from {told}; {len(parts)} "
                    f"{'part of it is' if len(parts) == 1 else 'parts of it are'} taken, of {least:.3g} s at least."]
+
+
+def with_waves(model: Model, record: Record, first: float, last: float, missed: float = 1.5) -> Record:
+    """Return a part of a record with what is known of the waves before and after it, as far as their force reaches.
+
+    `missed`: as in `parted`.
+    """
+    part = record.window(first, np.nextafter(last, np.inf))
+    if (edge := unsure_edge(model, record)) == 0.0:
+        return part
+    (at,) = driven_at(model, record)
+    breaks = np.flatnonzero(np.diff(at) > missed * np.median(np.diff(at)))
+    low = max((float(t) for t in at[np.r_[0, breaks + 1]] if t <= first), default=first)
+    high = min((float(t) for t in at[np.r_[breaks, at.size - 1]] if t >= last), default=last)
+    for _ in range(20):  # of a short part a smaller edge is left out, and less is needed
+        part = record.window(max(low, first - edge), np.nextafter(min(high, last + edge), np.inf))
+        edge = unsure_edge(model, part)
+    return part
 
 
 def smoothed(raw: FloatArray, dt: float, length: float, tops: FloatArray, swings: FloatArray | None = None
