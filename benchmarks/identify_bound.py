@@ -22,9 +22,9 @@ from identify import OWN
 from validation import publish, table
 
 from radiation_ss.identification.channels import motion_channels
-from radiation_ss.identification.motion_only import sea_mode
 from radiation_ss.identification.sea import SeaModel
 from radiation_ss.identification.spectral import spectral_likelihood
+from radiation_ss.identification.study import with_body_held
 from radiation_ss.inference.prior import parametrise
 
 # what is unknown of the sea: family, number of its parameters that are
@@ -38,11 +38,11 @@ def bounds(length, rng, tolerance):
     model = truth.perturbed(body, rng)
     record, _ = truth.sail(body, truth.any_jonswap(rng), length, rng)
     form = parametrise(model.fit, model.A_inf, 0.15).with_nominal(
-        dict.fromkeys(("mass", "A_inf", "stiffness"), tolerance) | {"sensor": 0.0}, model.M)
+        dict.fromkeys(("mass", "A_inf", "stiffness"), tolerance) | {"sensor": 0.0, "force": 0.0}, model.M)
     n, omega, out = form.size, body.band, []
     J = np.array([(form.K(form.theta(1e-4 * e), omega) - form.K(form.mean, omega)).ravel() / 1e-4 for e in np.eye(n)]).T
     part, _ = spectral_likelihood(model, form, motion_channels(model, record))
-    at = sea_mode(part, np.zeros(n)).phi
+    at = with_body_held(part, np.zeros(n), np.zeros(part.size), 50).phi
     for family, unknown in SEAS.values():
         own = type(part)(model, form, part.channels, part.coefficients, SeaModel(
             part.sea.height, part.sea.period, part.sea.knots, family, edges=part.sea.edges), part.rules)
