@@ -85,7 +85,7 @@ def test_never_less_than_before_nor_more_than_a_record_can_spare(seed, delay, du
     edge = unsure_edge(body(rng.standard_normal() * np.exp(-1j * delay * at), at), seen)
     least = PERIODS * 2.0 * np.pi / mean_frequency(time, seen.channels["wave_elevation"])
     length = time[-1]
-    assert edge == 0.0 if least >= LONGEST * length else least <= edge <= LONGEST * length
+    assert min(least, LONGEST * length) <= edge <= LONGEST * length
     known = seen.with_channels(Heave_force=0.0 * time)
     assert unsure_edge(body(np.ones(at.size), at), known) == 0.0
 
@@ -139,3 +139,19 @@ def test_diagnose_says_that_X_is_coarse():
     found = rss.diagnose(model, rss.Record(time, {"Heave": moved + 1e-2 * moved.std() * rng.standard_normal(time.size),
                                                   "wave_elevation": waves}, name="sea"), effects=["quadratic_drag"])
     assert any("X of Heave turns by 1.6 rad" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_short_record_is_checked_by_a_force_that_is_sure(seed):
+    """Twenty waves, none withheld: the last third, seven of them, is predicted by the waves before it, too."""
+    rng, long = np.random.default_rng(seed), np.arange(-30.0, 50.0, 0.05)
+    omega, waves = sea(rng, long)
+    at = np.linspace(2.0, 12.0, 400)
+    model = body(20.0 * np.sinc(0.8 * at / np.pi), at)
+    force = (20.0 * waves * np.sinc(0.8 * omega / np.pi)).sum(axis=1).real
+    moved = np.asarray(rss.simulate(model, (long, force[None])).outputs[0])
+    inside = (long >= 0.0) & (long < 20.0)
+    seen = rss.Record(long[inside], {"Heave": moved[inside] + 0.005 * moved.std() * rng.standard_normal(inside.sum()),
+                                     "wave_elevation": waves[inside].sum(axis=1).real}, name="short")
+    found = rss.diagnose(model, seen, effects=["quadratic_drag"])
+    assert found.how_far.gap_before < 0.02  # noise .005; by the last third's own waves alone .04 to .14

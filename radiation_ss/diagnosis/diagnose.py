@@ -136,7 +136,7 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         data = Data(tuple(given), tuple(withhold), tolerated, seed,
                     withheld=posed(model, withhold, tolerated, rules))
     else:
-        heads, tails = split(given, rules.tail, rules.resolution.levels)
+        heads, tails = split(model, given, rules.tail, rules.resolution.levels)
         notes += [f"Record {r.name} has too few places for a part that no fit sees: it is checked by what was fitted."
                   for r, rest in zip(given, tails) if r is rest]
         data = Data(tuple(given), tuple(tails), tolerated, seed, lambda: posed(model, heads, tolerated, rules))

@@ -13,7 +13,7 @@ from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import Feature, Symbols, features
 from radiation_ss.inference.grid import averaged, fewest
-from radiation_ss.inference.motion import MeasuredMotion, measured_motion
+from radiation_ss.inference.motion import MeasuredMotion, measured_motion, with_waves
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import columns_of
@@ -49,13 +49,14 @@ class Error:
     static: bool = False
 
 
-def split(records: Sequence[Record], tail: float, levels: int) -> tuple[list[Record], list[Record]]:
+def split(model: Model, records: Sequence[Record], tail: float, levels: int) -> tuple[list[Record], list[Record]]:
     """Return the parts of records from which numbers are fitted for the check, and those that check them.
 
-    The time of a record is cut in two. The rows of a static test, of which `levels` are kept, have no order in time: to
+    The time of a record is cut in two; the waves beyond the cut that make a part's force stay with it. The rows of a static test, of which `levels` are kept, have no order in time: to
     check it, loads are taken from among all others.
     """
-    pairs = [places_apart(r, tail, levels) if r.kind == "static" else (r.window(-np.inf, cut), r.window(cut, np.inf))
+    pairs = [places_apart(r, tail, levels) if r.kind == "static" else
+             (with_waves(model, r, float(r.time[0]), cut), with_waves(model, r, cut, float(r.time[-1])))
              for r, cut in ((record, cut_of(record, tail)) for record in records)]
     return [head for head, _ in pairs], [rest for _, rest in pairs]
 

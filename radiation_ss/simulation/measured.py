@@ -92,8 +92,6 @@ def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: 
         return 0.0
     least = periods * 2.0 * np.pi / mean_frequency(record.time, record.channels["wave_elevation"])
     length = float(record.time[-1] - record.time[0])
-    if least >= longest * length:
-        return 0.0
     return min(max(least, np.sqrt(3.0) * reach(model, record)), longest * length)
 
 
