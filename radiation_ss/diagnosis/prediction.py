@@ -52,8 +52,8 @@ class Error:
 def split(model: Model, records: Sequence[Record], tail: float, levels: int) -> tuple[list[Record], list[Record]]:
     """Return the parts of records from which numbers are fitted for the check, and those that check them.
 
-    The time of a record is cut in two; the waves beyond the cut that make a part's force stay with it. The rows of a static test, of which `levels` are kept, have no order in time: to
-    check it, loads are taken from among all others.
+    The time of a record is cut in two; the waves beyond the cut that make a part's force stay with it. The rows of a
+    static test, of which `levels` are kept, have no order in time: to check it, loads are taken from among all others.
     """
     pairs = [places_apart(r, tail, levels) if r.kind == "static" else
              (with_waves(model, r, float(r.time[0]), cut), with_waves(model, r, cut, float(r.time[-1])))
