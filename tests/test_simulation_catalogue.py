@@ -319,3 +319,29 @@ def test_a_law_that_decides_in_python_is_told_what_to_write():
     for effect in ((law, {"c": 1.0}), [(law, "Heave", {"c": 1.0})]):
         with pytest.raises(InputError, match="effect own: its law decides by `if`"):
             rss.simulate(tank_model(), (TIME, np.sin(TIME)[None]), effect)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-3])
+def test_a_brake_that_is_stronger_than_the_load_holds(width):
+    """SciPy's implicit method on the same law: what slips is a small share of the width."""
+    model, time = rss.body(dof="Heave", mass=1000.0, added_mass=500.0, C=20000.0), np.arange(0.0, 10.0, 0.05)
+    def rates(t, y):
+        friction = 2e4 * (y[1] / width) / (1.0 + np.abs(y[1] / width) ** 3) ** (1.0 / 3.0)
+        return [y[1], (3000.0 * np.sin(2.5 * t) - 20000.0 * y[0] - friction) / 1500.0]
+    true = solve_ivp(rates, time[[0, -1]], [0.0, 0.0], "Radau", t_eval=time, rtol=1e-8, atol=1e-12).y
+    brake = ("coulomb_friction", "Heave", {"force": 2e4, "width": width, "sharpness": 1.0})
+    found = rss.simulate(model, (time, 3000.0 * np.sin(2.5 * time)[None]), [brake]).outputs
+    assert np.abs(found[0] - true[0]).max() < 1e-2 * np.abs(true[0]).max()
+    with pytest.raises(rss.InputError, match=r"sets in so abruptly that \S+ steps are needed.*a larger width"):
+        rss.simulate(model, (time, found[:1]), [(*brake[:2], {**brake[2], "width": 1e-8})])
+
+
+@pytest.mark.parametrize("effect, dof, said", [
+    ("relative_damping", "a__Heave,a__Heave", "two different ones are needed"),
+    ("relative_damping", "a__Heave,a__Pitch", "are different motions"),
+    ("relative_damping", "a__Heave", "dof = 'a__Heave,b__Heave'"),
+    ("coupling_stiffness", "b__Heave,b__Heave", "two different ones are needed")])
+def test_a_pair_of_motions_that_is_none_is_said(effect, dof, said):
+    (name,) = [k for k, p in rss.effects.effect_named(effect).parameters.items() if p.strength]
+    with pytest.raises(rss.InputError, match=said):
+        rss.effects.activate([(effect, dof, {name: 1.0})], ("a__Heave", "b__Heave", "a__Pitch"))

@@ -164,3 +164,28 @@ def test_degrees_are_no_radians():
         rss.realise(rss.jonswap(2.0, tp=6.0), 60.0, 0.5, directions=[90.0])
     with pytest.raises(rss.InputError, match="radians"):
         cosine_spreading([0.0, 45.0, 90.0])
+
+
+@pytest.mark.parametrize("step", [0.02, 0.1])
+@pytest.mark.parametrize("away", [50.0, 200.0, -200.0])
+def test_a_body_far_from_the_phases_origin_has_the_force_of_its_place(step, away, caplog):
+    """X = e^(-2k - ikR) in deep water, given at frequencies between which it turns by up to 12 rad."""
+    omega = np.arange(round(0.1 / step), round(3.0 / step) + 1) * step
+    one, k = np.ones((omega.size, 1, 1)), omega**2 / 9.81
+    data = rss.HydroData(omega, 1e4 * one, 1e2 * one, [[1e4]], ("Heave",), M=[[1e4]], C=[[1e5]],
+                         X=(1e5 * np.exp(-2.0 * k - 1j * k * away))[:, None, None], directions=[0.0])
+    sea = rss.realise(rss.jonswap(1.0, tp=7.5), 300.0, 0.2, seed=2)
+    inside = (sea.omega >= 0.1) & (sea.omega <= 3.0)
+    w, a = sea.omega[inside], np.squeeze(sea.amplitudes)[inside]
+    true = (1e5 * np.exp(-(2.0 + 1j * away) * w**2 / 9.81) * a * np.exp(1j * np.outer(sea.time, w))).sum(axis=1).real
+    error = rss.exciting_force(data, sea, outside=0.1)[0] - true
+    assert error.std() < 2e-3 * true.std() and not caplog.records
+
+
+def test_a_force_that_turns_too_far_between_frequencies_is_said(caplog):
+    omega = np.arange(0.1, 3.01, 0.1)
+    one = np.ones((omega.size, 1, 1))
+    data = rss.HydroData(omega, 1e4 * one, 1e2 * one, [[1e4]], ("Heave",), M=[[1e4]], C=[[1e5]],
+                         X=np.exp(-20j * omega)[:, None, None], directions=[0.0])
+    rss.exciting_force(data, rss.realise(rss.jonswap(1.0, tp=7.5), 300.0, 0.2, seed=2), outside=0.1)
+    assert "X of Heave turns by more than a radian" in caplog.text

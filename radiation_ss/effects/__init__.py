@@ -13,6 +13,7 @@ from radiation_ss.arrays import listed
 from radiation_ss.effects.definition import Active, Effect, Scales, acting, named
 from radiation_ss.effects.slabs import in_harmonic_motion, numeric
 from radiation_ss.errors import InputError
+from radiation_ss.hydro.data import mode
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
@@ -25,6 +26,9 @@ __getattr__, _later = door(__name__, {
 })
 __all__ = ["Active", "Effect", "Scales", "activate", "effect_named", "library", "named", "numeric", "optional",
            "register_effect", *_later]
+
+
+RIGID = {"Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"}
 
 
 @cache
@@ -122,8 +126,14 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
     if effect.coupled and not other:
         rest = [d for d in dofs if d != dof]
         if len(rest) != 1:
-            raise InputError(f"effect {name}: name the second degree of freedom, dof = 'Sway,Roll'")
+            pairs = effect.places(dofs) or [(dofs[0], dofs[1])] if len(dofs) > 1 else [("Sway", "Roll")]
+            raise InputError(f"effect {name}: name the second degree of freedom, dof = '{','.join(pairs[0])}'")
         other = rest[0]
+    if other and dof == other:
+        raise InputError(f"effect {name}: {dof} stands for both degrees of freedom; two different ones are needed")
+    if effect.scope == "between" and len({mode(dof), mode(other)} & RIGID) == 2:
+        raise InputError(f"effect {name}: {dof} and {other} are different motions; it joins the same motion of two "
+                         "bodies, float__Heave,spar__Heave")
     if effect.scope != "body" and not dof and not effect.common:
         raise InputError(f"effect {name}: name its degree of freedom, one of {list(dofs)}")
     try:

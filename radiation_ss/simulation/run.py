@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from radiation_ss.simulation.driven import equilibrium
 from radiation_ss.simulation.prepared import Channel, Prepared, driven_at, prepare
 from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
-from radiation_ss.simulation.start import fitted_start, step_size
+from radiation_ss.simulation.start import effect_rate, fitted_start, step_size
 
 if TYPE_CHECKING:
     import control as ct
@@ -104,6 +104,9 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     if begin is None and (unmoved or record_or_force is not record):
         begin = np.zeros(model.fit.states + 2 * model.n)
     actives = activated(effects, model)
+    if (steps := steps_of(model, record, actives)) > LARGEST:
+        raise InputError(f"record {record.name}: an effect sets in so abruptly that {steps:.3g} steps are needed, more "
+                         f"than {LARGEST:.0e}; make it softer (a larger width), or take a window of the record")
     free = record if begin is not None else let_go(model, record)[0]
     rollout, prepared, motion, p = run(model, free, actives, begin, trim=begin is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)
@@ -163,13 +166,17 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     return response(model, record.time, outputs, steady, record.name)
 
 
+LARGEST = 5e6  # Steps of a record at most
+
+
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
         step: float | None = None, halvings: int = 6, near: FloatArray | None = None,
         ) -> tuple[Rollout, Prepared, Motion, FloatArray]:
     """Roll a model with effects through a record, without the ends where its force is unsure if `trim`.
 
     A fitted start is sought near the state `near`, too. Where an effect is not linear or has states of its own, steps
-    are halved, and halved again where it sets in at once: so many times at most.
+    are halved, and halved again where it sets in at once: so many times at most, or as often as a force as steep as
+    that of a brake needs to be followed at all.
     """
     linear = tuple(a for a in actives if a.effect.linear)
     h = step_size(model, [record], linear) if step is None else step
@@ -177,7 +184,15 @@ def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayL
            or not (a.effect.force or a.effect.input) for a in actives):
         return run_in_steps(model, record, actives, start, h, trim, near)
     always = 1 + max(a.effect.halvings for a in actives)
-    return run_in_steps(model, record, actives, start, h / 2**always, trim, near, halvings - always)
+    steps = min(steps_of(model, record, actives), LARGEST) * h / max(float(np.ptp(record.time)), h)
+    stable = int(np.ceil(np.log2(max(steps, 1.0))))
+    return run_in_steps(model, record, actives, start, h / 2**always, trim, near, max(halvings, stable) - always)
+
+
+def steps_of(model: Model, record: Record, actives: Sequence[Active]) -> float:
+    """Return in how many steps what is steep of effects can be followed: two for each time of their rate."""
+    rate = effect_rate(model, [record], [a for a in actives if not a.effect.linear])
+    return 0.5 * rate * float(np.ptp(record.time))
 
 
 def run_in_steps(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, h: float,

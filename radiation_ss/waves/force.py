@@ -83,6 +83,10 @@ def force_harmonics(body: Model | HydroData, sea: Sea, outside: float = 0.01, ro
         X = transfer(data, sea.omega[inside], direction)
         force[:, inside] += (X * amplitudes[inside, None]).T
         worst, where = max((worst, where), bent(data, sea.omega[inside], direction, amplitudes[inside]))
+        for dof, share in zip(data.dofs, turning(data, sea.omega[inside], direction, amplitudes[inside])):
+            if share > rough:
+                log.warning("%s: X of %s turns by more than a radian from one frequency to the next, with %.0f %% of "
+                            "this sea's force: give X at more frequencies", data.source or "data", dof, 100.0 * share)
     if worst > rough:
         log.warning("%s: the force is taken as linear between the directions of X; at %s, a curve through them differs "
                     "by %.0f %%; give X at closer directions", data.source or "data", where, 100.0 * worst)
@@ -94,18 +98,39 @@ def transfer(data: HydroData, omega: ArrayLike, direction: float | None = None) 
 
     `omega` (nw,): frequencies within the data's [rad/s]. `direction`: of propagation [rad]; absent: the only one of X.
     """
+    return between(data.omega, toward(data, direction), np.asarray(omega, dtype=float))
+
+
+def toward(data: HydroData, direction: float | None) -> ComplexArray:
+    """Return X at its own frequencies for a direction, shape (nw, n), linear between those of X."""
     assert data.X is not None
     order, known, at = around(data, direction)
     right = min(int(np.searchsorted(known, at)), known.size - 1)
     left = max(right - 1, 0)
     apart = known[right] - known[left]
-    if apart > 0.5 * np.pi + 1e-9 and min(at - known[left], known[right] - at) > 1e-9:
+    if apart > 0.5 * np.pi + 1e-9 and min(at - known[left], known[right] - at) > 1e-3:
         raise InputError(f"direction: {np.degrees(at):.4g} deg lies between {np.degrees(known[left]):.4g} and "
                          f"{np.degrees(known[right]):.4g} deg, the closest ones of X, more than a right angle apart; a "
                          "force is not linear over so much; give X for more directions")
     share = (at - known[left]) / apart if right > left else 1.0
-    X = (1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]]
-    return between(data.omega, X, np.asarray(omega, dtype=float))
+    return np.asarray((1.0 - share) * data.X[:, order[left]] + share * data.X[:, order[right]])
+
+
+def turning(data: HydroData, omega: FloatArray, direction: float | None, waves: ComplexArray,
+            turn: float = 1.0) -> FloatArray:
+    """Return the share (n,) of the power of waves' force from where X turns too far to be interpolated.
+
+    By `turn` [rad] from one frequency to the next, beside what its distance from the phase's origin makes. `omega`,
+    `waves`: frequencies and amplitudes (nw,).
+    """
+    at, X = data.omega, toward(data, direction)
+    if at.size < 2:
+        return np.zeros(data.n)
+    flat = X * np.exp(1j * distances(at, X) * at[:, None] ** 2)
+    far = np.abs(np.angle(flat[1:] * flat[:-1].conj())) > turn
+    power = np.abs(between(at, np.abs(X), omega) * waves[:, None]) ** 2
+    there = far[np.clip(np.searchsorted(at, omega) - 1, 0, at.size - 2)]
+    return np.asarray(np.sum(power * there, axis=0) / np.maximum(power.sum(axis=0), 1e-300))
 
 
 def around(data: HydroData, direction: float | None) -> tuple[NDArray[np.int64], FloatArray, float]:
@@ -116,7 +141,7 @@ def around(data: HydroData, direction: float | None) -> tuple[NDArray[np.int64],
             some = ", ".join(f"{angle:.4g}" for angle in np.degrees(data.directions[:6]))
             raise InputError(f"direction: X is given for {data.directions.size} directions ({some}"
                              f"{', ...' if data.directions.size > 6 else ''} deg); say which the sea has, in rad: "
-                             f"realise(..., directions=[{data.directions[0]:.4g}])")
+                             f"realise(..., directions=[{data.directions[np.argmin(np.abs(data.directions))]:.6g}])")
         direction = float(data.directions[0])
     order = np.argsort(data.directions)
     known = data.directions[order]
@@ -153,8 +178,29 @@ def between(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
     """
     if at.size == 1:
         return np.broadcast_to(X, (np.size(omega), X.shape[1])).copy()
-    return (Akima1DInterpolator(at, X.real, method="makima")(omega)
-            + 1j * Akima1DInterpolator(at, X.imag, method="makima")(omega))
+    away = distances(at, X)
+    flat = X * np.exp(1j * away * at[:, None] ** 2)
+    return np.asarray((Akima1DInterpolator(at, flat.real, method="makima")(omega)
+                       + 1j * Akima1DInterpolator(at, flat.imag, method="makima")(omega))
+                      * np.exp(-1j * away * np.reshape(omega, (-1, 1)) ** 2))
+
+
+def distances(at: FloatArray, X: ComplexArray, turned: float = 0.8, flatter: float = 4.0,
+              seen: float = 0.05) -> FloatArray:
+    """Return R / g of each column of X (nw, n): a body at R from the phase's origin turns it by k R, in deep water.
+
+    The one that leaves X flattest. 0 where X turns by less than `turned` [rad] from one frequency to the next, where it
+    has the share `seen` of its largest, or where the sum of squared differences is not `flatter` times less with it.
+    """
+    size, found = np.abs(X), np.zeros(X.shape[1])
+    strong = np.minimum(size[1:], size[:-1]) > seen * size.max(axis=0)
+    turns = np.where(strong, np.abs(np.angle(X[1:] * X[:-1].conj())), 0.0).max(axis=0)
+    tried = np.arange(-4.0 * np.pi * at.size, 4.0 * np.pi * at.size, 1.5) / at[-1] ** 2
+    for j in np.flatnonzero(turns > turned):
+        uneven = np.sum(np.abs(np.diff(X[:, j] * np.exp(1j * tried[:, None] * at**2), axis=1)) ** 2, axis=1)
+        if flatter * uneven.min() < np.sum(np.abs(np.diff(X[:, j])) ** 2):
+            found[j] = tried[np.argmin(uneven)]
+    return found
 
 
 def on_all(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
@@ -167,7 +213,7 @@ def on_all(at: FloatArray, X: ComplexArray, omega: FloatArray) -> ComplexArray:
 def bring_into(direction: float, known: FloatArray) -> float:
     """Return the direction plus the multiple of 2 pi that brings it into the known ones."""
     for turn in (0.0, 2.0 * np.pi, -2.0 * np.pi):
-        if known[0] - 1e-9 <= direction + turn <= known[-1] + 1e-9:
+        if known[0] - 1e-3 <= direction + turn <= known[-1] + 1e-3:
             return float(np.clip(direction + turn, known[0], known[-1]))
     raise InputError(f"direction: {direction:g} rad is outside the directions of X, {known[0]:g} to {known[-1]:g} rad")
 
