@@ -52,7 +52,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
         Overrides the record's own.
     step : float, optional
         Longest step of the integrator [s]; by default 0.45 rad of the fastest natural motion or 0.7 rad of the force's
-        band edge, which leaves some 1e-3 of the motion. The error falls with its fourth power.
+        band edge, which leaves some 1e-3 of the motion. The error falls with its fourth power. Where an effect sets in
+        abruptly, steps are shorter.
 
     Returns
     -------
@@ -62,8 +63,8 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     Raises
     ------
     InputError
-        If the record holds nothing that moves the model, its force is unknown or missing over more than three steps, or
-        shapes do not fit.
+        If the record holds nothing that moves the model, its force is unknown or missing over more than three steps,
+        shapes do not fit, or an effect is so steep that it takes more than five million steps.
     SolverError
         If the motion grows without bounds.
 

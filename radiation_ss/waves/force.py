@@ -22,8 +22,9 @@ def exciting_force(body: Model | HydroData, sea: Sea, *, outside: float = 0.01) 
     """Return the wave-exciting force of a sea on a body, shape (n, samples) [N, N m].
 
     force_j(t) = Re sum_k sum_d X_j(w_k, beta_d) a_dk e^{i w_k t}. X is interpolated in frequency (modified Akima, real
-    and imaginary part) and linearly in direction, with a warning where it is far from linear. Harmonics outside the
-    frequencies of X are left out: they exert no force.
+    and imaginary part, without the phase of a body far from the phase's origin) and linearly in direction, with a
+    warning where it turns too fast or is far from linear. Harmonics outside the frequencies of X are left out: they
+    exert no force.
 
     Parameters
     ----------
