@@ -13,7 +13,7 @@ from radiation_ss.arrays import listed
 from radiation_ss.effects.definition import Active, Effect, Scales, acting, named
 from radiation_ss.effects.slabs import in_harmonic_motion, numeric
 from radiation_ss.errors import InputError
-from radiation_ss.hydro.data import mode
+from radiation_ss.hydro.data import RIGID, mode
 from radiation_ss.methods import door
 
 __getattr__, _later = door(__name__, {
@@ -26,9 +26,6 @@ __getattr__, _later = door(__name__, {
 })
 __all__ = ["Active", "Effect", "Scales", "activate", "effect_named", "library", "named", "numeric", "optional",
            "register_effect", *_later]
-
-
-RIGID = {"Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw"}
 
 
 @cache
@@ -131,7 +128,7 @@ def _activate(item: Any, dofs: tuple[str, ...]) -> Active:
         other = rest[0]
     if other and dof == other:
         raise InputError(f"effect {name}: {dof} stands for both degrees of freedom; two different ones are needed")
-    if effect.scope == "between" and len({mode(dof), mode(other)} & RIGID) == 2:
+    if effect.scope == "between" and len({mode(dof), mode(other)}.intersection(RIGID)) == 2:
         raise InputError(f"effect {name}: {dof} and {other} are different motions; it joins the same motion of two "
                          "bodies, float__Heave,spar__Heave")
     if effect.scope != "body" and not dof and not effect.common:

@@ -125,7 +125,10 @@ def half_steps(grid: FloatArray) -> FloatArray:
     return grid[0] + 0.5 * h * np.arange(2 * grid.size + 1)
 
 
-def prepare(model: Model, record: Record, h: float, *, trim: bool = True, largest: int = 5_000_000) -> Prepared:
+LARGEST = 5_000_000  # Steps of a record at most
+
+
+def prepare(model: Model, record: Record, h: float, *, trim: bool = True, largest: int = LARGEST) -> Prepared:
     """Pick the model's degrees of freedom from a record and interpolate its force, in at most `largest` steps.
 
     With `trim`, the ends of a record whose force comes from the elevation are left out.

@@ -21,7 +21,7 @@ from radiation_ss.records.convert import as_record_or_force
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import unread
 from radiation_ss.simulation.driven import equilibrium
-from radiation_ss.simulation.prepared import Channel, Prepared, driven_at, prepare
+from radiation_ss.simulation.prepared import LARGEST, Channel, Prepared, driven_at, prepare
 from radiation_ss.simulation.pushes import let_go
 from radiation_ss.simulation.rollout import Motion, Rollout, reading
 from radiation_ss.simulation.start import effect_rate, fitted_start, step_size
@@ -107,7 +107,7 @@ def simulate(model: Model, record_or_force: Record | tuple[ArrayLike, ArrayLike]
     actives = activated(effects, model)
     if (steps := steps_of(model, record, actives)) > LARGEST:
         raise InputError(f"record {record.name}: an effect sets in so abruptly that {steps:.3g} steps are needed, more "
-                         f"than {LARGEST:.0e}; make it softer (a larger width), or take a window of the record")
+                         f"than {LARGEST}; make it softer (a larger width), or take a window of the record")
     free = record if begin is not None else let_go(model, record)[0]
     rollout, prepared, motion, p = run(model, free, actives, begin, trim=begin is None, step=step)
     outputs = read_all(rollout, prepared, motion, p, record.time)
@@ -165,9 +165,6 @@ def at_rest(model: Model, record: Record, actives: tuple[Active, ...]) -> ct.Tim
     p = vector_of(timeless)
     outputs = read_all(rollout, Prepared(record, row, (), None), Motion(state, np.zeros((row.size, n))), p, row)
     return response(model, record.time, outputs, steady, record.name)
-
-
-LARGEST = 5e6  # Steps of a record at most
 
 
 def run(model: Model, record: Record, actives: tuple[Active, ...], start: ArrayLike | None, *, trim: bool = True,
