@@ -155,3 +155,12 @@ def test_a_short_record_is_checked_by_a_force_that_is_sure(seed):
                                      "wave_elevation": waves[inside].sum(axis=1).real}, name="short")
     found = rss.diagnose(model, seen, effects=["quadratic_drag"])
     assert found.how_far.gap_before < 0.02  # noise .005; by the last third's own waves alone .04 to .14
+
+
+@pytest.mark.parametrize("level", [0.0, 0.1])
+def test_a_probe_in_still_water_makes_no_force_and_no_edge(level):
+    time, at = np.arange(0.0, 40.0, 0.1), np.linspace(2.0, 12.0, 100)
+    model, swing = body(np.ones(at.size), at), np.exp(-0.05 * time) * np.cos(6.0 * time)
+    still = record(time, np.full(time.size, level)).with_channels(Heave=swing)
+    assert unsure_edge(model, still) == 0.0
+    assert rss.diagnose(model, still, effects=["quadratic_drag"]).verdict.status == "no_gap"

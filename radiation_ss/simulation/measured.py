@@ -88,7 +88,7 @@ def unsure_edge(model: Model, record: Record, *, periods: float = 1.5, longest: 
     sea's force reaches, sum S |dX/dw|^2 / sum S |X|^2 (Parseval); an even one reaches sqrt(3) times its root.
     `longest`: share of a record that is left out at either end at most.
     """
-    if not record.force_from_elevation(model.dofs):
+    if not record.force_from_elevation(model.dofs) or not np.nanstd(record.channels["wave_elevation"]) > 0.0:
         return 0.0
     least = periods * 2.0 * np.pi / mean_frequency(record.time, record.channels["wave_elevation"])
     length = float(record.time[-1] - record.time[0])
