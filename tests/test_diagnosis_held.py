@@ -82,3 +82,18 @@ def test_a_gauge_of_a_held_motion_that_nothing_couples_shows_no_gap(share, noise
                for record in programme(10)[:2]]
     found = rss.diagnose(model().replace(A_inf=np.diag(np.diag(ADDED))), records)
     assert found.verdict.status == "no_gap" and found.how_far.gap_after < 1.3 * found.how_far.noise_floor
+
+
+@pytest.mark.parametrize("seed", some([0, 1]))
+def test_noise_of_a_slow_motions_sensor_makes_no_force_by_radiation(seed):
+    """A soft mooring's period is far longer than those at which the body radiates, and the sensor's noise has them."""
+    rng, time, omega = np.random.default_rng(seed), np.arange(0.0, 600.0, 0.5), np.linspace(0.2, 0.5, 9)
+    phasor, s = np.exp(2j * np.pi * rng.random(9)), 1j * omega
+    soft = model().replace(C=np.diag([50.0, 5.0]))
+    needed = s**2 * 70.0 + s * KERNEL[0, 0] * s / (s**2 + 3.0 * s + 20.0) + 50.0
+    x, force = (np.real(p @ np.exp(np.outer(s, time))) for p in (phasor, needed * phasor))
+    read = {"Heave": x + 0.1 * rng.standard_normal(time.size),
+            "Heave_force": force + 0.01 * np.std(force) * rng.standard_normal(time.size)}
+    found = rss.diagnose(soft, rss.Record(time, read, kind="prescribed"), ["quadratic_drag", "linear_stiffness"])
+    assert found.verdict.status == "no_gap"
+    assert found.how_far.gap_before < 1.3 * found.how_far.noise_floor

@@ -166,14 +166,11 @@ def strengths_along(model: Model, actives: Sequence[Active],
 
 
 def truly(model: Model, motion: MeasuredMotion, share: FloatArray) -> MeasuredMotion:
-    """Return the motion that is a share (n, n) of what its sensors read."""
-    if np.array_equal(share, np.eye(model.n)):
-        return motion
-    raw, states = share @ motion.raw, motion.radiation
+    """Return the motion that is a share (n, n) of what its sensors read, with the radiation force of its clear part."""
+    x, states = share @ motion.x, motion.radiation
     if motion.record.kind != "static":
-        states = radiation_states(model, raw, motion.dt)
-    return replace(motion, raw=raw, x=share @ motion.x, v=share @ motion.v, a=share @ motion.a,
-                   memory=model.fit.c @ states, radiation=states)
+        states = radiation_states(model, x, motion.dt)
+    return replace(motion, x=x, v=share @ motion.v, a=share @ motion.a, memory=model.fit.c @ states, radiation=states)
 
 
 def needed_force(model: Model, motion: MeasuredMotion, x: FloatArray) -> FloatArray:
