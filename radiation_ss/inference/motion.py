@@ -255,10 +255,10 @@ def parted(model: Model, record: Record, missed: float = 1.5) -> tuple[list[Reco
                    f"{'part of it is' if len(parts) == 1 else 'parts of it are'} taken, of {least:.3g} s at least."]
 
 
-def with_waves(model: Model, record: Record, first: float, last: float, missed: float = 1.5) -> Record:
+def with_waves(model: Model, record: Record, first: float, last: float, missed: float = 3.5) -> Record:
     """Return a part of a record with what is known of the waves before and after it, as far as their force reaches.
 
-    `missed`: as in `parted`.
+    `missed`: the longest interval, of the usual one, over which the elevation is interpolated.
     """
     part = record.window(first, np.nextafter(last, np.inf))
     if (edge := unsure_edge(model, record)) == 0.0:
