@@ -597,6 +597,17 @@ def test_exciting_forces_that_a_wamit_file_lacks_or_tells_in_two_ways_are_refuse
         wamit_run(tmp_path, (heave, "5 1.0 180.0 1.0 0.0"))
 
 
+def test_forces_that_are_rounding_noise_may_be_told_in_two_ways(tmp_path):
+    """WAMIT prints 90 deg for what symmetry makes zero; forces and moments are each measured by their largest."""
+    heave = "3 2.0 90.0 0.0 2.0"
+    X = wamit_run(tmp_path, (heave, "5 1.0E-20 -90.0 1.0E-20 -1.0E-30", "4 1.0E-3 0.0 1.0E-3 0.0")).X
+    assert np.abs(X[:, 0, 1]).max() <= 1e-19 * np.abs(X[:, 0, 0]).max()
+    for pitch, largest in (("5 1.0E-5 -90.0 1.0E-5 0.0", "4 1.0 0.0 1.0 0.0"),
+                           ("5 1.0E-20 -90.0 1.0E-20 0.0", "4 0.0 0.0 0.0 0.0")):
+        with pytest.raises(rss.InputError, match=r"body\.3, line 2: real and imaginary part, 1e-.*phase -90 deg"):
+            wamit_run(tmp_path, (heave, pitch, largest))
+
+
 def test_a_wamit_out_without_the_force_of_a_mode_or_with_turned_axes_is_refused(tmp_path):
     path = samples.wamit_out(samples.body_data(), tmp_path)
     whole = path.read_text()

@@ -158,15 +158,25 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
     notes.append(f"{path}: the added mass at first column 0 is zero in every entry: taken as absent")
 
 
-def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
-    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %)."""
+def parse_3(path: Path, modes: list[int], apart: float = 0.05, faint: float = 1e-6) -> Forces:
+    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %).
+
+    WAMIT prints +-90 deg for what is zero by symmetry, whatever the noise of its parts. Forces, or moments, below
+    `faint` of the largest one are not compared: the seventh digit printed of that one is as large.
+    """
     table: Table = {}
+    largest = {False: 0.0, True: 0.0}  # of the forces, of the moments
+    contrary = []
     for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
         X, polar = complex(values[5], values[6]), values[3] * np.exp(1j * np.deg2rad(values[4]))
-        if abs(X - polar) > apart * max(abs(X), values[3]):
-            raise InputError(f"{path}, line {k + 1}: real and imaginary part, {X:g}, are not those of modulus "
-                             f"{values[3]:g} and phase {values[4]:g} deg")
         add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], X)
+        moment, size = (values[2] - 1.0) % 6.0 >= 3.0, max(abs(X), values[3])
+        largest[moment] = max(largest[moment], size)
+        if abs(X - polar) > apart * size:
+            contrary.append((k, moment, size, f"{X:g}, are not those of modulus {values[3]:g} and phase {values[4]:g}"))
+    for k, moment, size, forms in contrary:
+        if size > faint * largest[moment]:
+            raise InputError(f"{path}, line {k + 1}: real and imaginary part, {forms} deg")
     return wamit_out.force_array(path, table, modes)
 
 
