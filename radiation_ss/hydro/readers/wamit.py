@@ -68,6 +68,12 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
             notes.append(f"{path}: {note}")
             log.warning(notes[-1])
     omega = wamit_out.to_omega(radiation.period, first_column, g, depth, L)
+    if first_column not in ("period", "wavelength") and _exchanged(omega, radiation.A):
+        omega = np.where(omega == 0.0, np.inf, np.where(np.isinf(omega), 0.0, omega))
+        notes.append(f"{path}: a first column 0 taken as infinite frequency and a negative one as zero, which is the "
+                     f"rule for periods, not for {first_column}: the added mass there is clearly nearer to the end of "
+                     "the band that this gives")
+        log.warning(notes[-1])
     finite = np.where(np.isfinite(omega), omega, 0.0)
     A = rho * L ** (3.0 + pair) * radiation.A
     B = rho * L ** (3.0 + pair) * finite[:, None, None] * radiation.B
@@ -90,6 +96,21 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     return assemble(path, omega, A, B, dofs, points=points, notes=[*notes, *header.notes], **stated, **fields)
+
+
+def _exchanged(omega: FloatArray, A: FloatArray, clear: float = 3.0) -> bool:
+    """Whether the added mass at the limits is `clear` times as near to that at the other end of the band."""
+    own = np.einsum("kii->ki", A)
+    own = own / np.fmax(np.ptp(own, axis=0), 1e-3 * np.abs(own).max(axis=0) + 1e-300)
+    order = np.argsort(omega)
+    inside = order[(omega[order] > 0.0) & np.isfinite(omega[order])]
+    if not inside.size:
+        return False
+
+    def apart(first: int, last: int) -> float:
+        return float(np.abs(own[omega == 0.0] - own[first]).sum() + np.abs(own[np.isinf(omega)] - own[last]).sum())
+
+    return clear * apart(inside[-1], inside[0]) < apart(inside[0], inside[-1])
 
 
 def _left_out(path: Path, what: str, modes: list[int], names: tuple[str, ...]) -> list[str]:
