@@ -550,6 +550,7 @@ def test_mss_vessel_axes_are_turned_up(tmp_path):
     got = rss.read_hydro(samples.mss(data, tmp_path))
     assert (got.rho, got.g, got.depth) == (data.rho, data.g, data.depth)
     assert_close(got, data, ALL, rtol=1e-12)
+    assert "those at 5 m/s left out" in str(got)
 
 
 def cut(text):
