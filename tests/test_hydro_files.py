@@ -545,11 +545,26 @@ def test_bemio_h5(tmp_path, names, bodies, depth):
     assert_close(got, data, ("omega", "A", "B", "A_inf", "C", "X", "directions"), rtol=1e-12)
 
 
+@pytest.mark.parametrize("names, bodies", [(("body",), ("",)), (("float", "spar"), ("float", "spar"))])
+def test_bemio_of_a_nemoh_run_has_a_row_for_each_motion(tmp_path, names, bodies):
+    """BEMIO takes the zones of RadiationCoefficients.tec as rows; each is of one motion, its columns are forces."""
+    data = samples.body_data(bodies)
+    path = samples.bemio(data, tmp_path, names)
+    with h5py.File(path, "r+") as file:
+        del file["bem_data/code"]
+        file["bem_data/code"] = "NEMOH"
+    got = rss.read_hydro(path)
+    for name in ("A", "B", "A_inf"):
+        np.testing.assert_allclose(getattr(got, name), np.swapaxes(getattr(data, name), -1, -2), rtol=1e-12)
+    assert_close(got, data, ("omega", "C", "X", "directions"), rtol=1e-12)
+
+
 def test_mss_vessel_axes_are_turned_up(tmp_path):
     data = samples.body_data(reference_point=(0.0, 0.0, 0.0))
     got = rss.read_hydro(samples.mss(data, tmp_path))
     assert (got.rho, got.g, got.depth) == (data.rho, data.g, data.depth)
     assert_close(got, data, ALL, rtol=1e-12)
+    assert "those at 5 m/s left out" in str(got)
 
 
 def cut(text):

@@ -349,6 +349,27 @@ def test_each_reading_of_a_wamit_run_is_told_from_a_period(data, tmp_path, readi
     np.testing.assert_allclose(got.B, want.B, rtol=1e-5, atol=1e-6 * np.abs(want.B).max())
 
 
+@pytest.mark.parametrize("column, at_zero, at_negative, exchanged", [
+    ("omega", 5.0, 2.0, False), ("omega", 2.0, 5.0, True), ("omega", None, 5.0, True), ("omega", 3.6, 3.4, False),
+    ("omega", 3.4, 3.6, False), ("wavenumber", 2.0, 5.0, True), ("period", 2.0, 5.0, False),
+    ("period", 5.0, 2.0, False)])
+def test_limits_marked_as_those_of_periods_are_told_by_their_added_mass(tmp_path, caplog, column, at_zero, at_negative,
+                                                                        exchanged):
+    """Added mass falls from 5 at omega = 0 to 2; a limit in between says nothing, and WAMIT's own periods are kept."""
+    omega = np.linspace(0.1, 6.0, 12)
+    first = {"omega": omega, "wavenumber": omega**2 / 9.81, "period": 2.0 * np.pi / omega}[column]
+    rows = [f"{c:.9e} 3 3 {2.0 + 3.0 / (1.0 + w**2):.9e} 0.1\n" for c, w in zip(first, omega)]
+    limits = [f"{mark} 3 3 {a}\n" for mark, a in ((0.0, at_zero), (-1.0, at_negative)) if a is not None]
+    (tmp_path / "body.1").write_text("".join(limits + rows))
+    got = rss.read_hydro(tmp_path / "body.1", rho=1000.0, g=9.81, first_column=column)
+    np.testing.assert_allclose(got.omega, omega, rtol=1e-8)
+    zero_is_infinite = exchanged != (column == "period")
+    inf, zero = (at_zero, at_negative) if zero_is_infinite else (at_negative, at_zero)
+    for found, value in ((got.A_inf, inf), (got.A_zero, zero)):
+        assert found is None if value is None else found[0, 0] == pytest.approx(1000.0 * value)
+    assert exchanged == any("rule for periods" in note for note in got.notes) == ("rule for periods" in caplog.text)
+
+
 @pytest.mark.parametrize("name", ["sphere.1", "iea15/UMaineSemi.1"])
 def test_periods_stay_periods(data, name):
     assert not any("taken as" in note for note in rss.read_hydro(data / "bem" / "formats" / name, rho=1025.0).notes)
@@ -595,6 +616,17 @@ def test_exciting_forces_that_a_wamit_file_lacks_or_tells_in_two_ways_are_refuse
         wamit_run(tmp_path, (heave,))
     with pytest.raises(rss.InputError, match="line 2: real and imaginary part"):
         wamit_run(tmp_path, (heave, "5 1.0 180.0 1.0 0.0"))
+
+
+def test_forces_that_are_rounding_noise_may_be_told_in_two_ways(tmp_path):
+    """WAMIT prints 90 deg for what symmetry makes zero; forces and moments are each measured by their largest."""
+    heave = "3 2.0 90.0 0.0 2.0"
+    X = wamit_run(tmp_path, (heave, "5 1.0E-20 -90.0 1.0E-20 -1.0E-30", "4 1.0E-3 0.0 1.0E-3 0.0")).X
+    assert np.abs(X[:, 0, 1]).max() <= 1e-19 * np.abs(X[:, 0, 0]).max()
+    for pitch, largest in (("5 1.0E-5 -90.0 1.0E-5 0.0", "4 1.0 0.0 1.0 0.0"),
+                           ("5 1.0E-20 -90.0 1.0E-20 0.0", "4 0.0 0.0 0.0 0.0")):
+        with pytest.raises(rss.InputError, match=r"body\.3, line 2: real and imaginary part, 1e-.*phase -90 deg"):
+            wamit_run(tmp_path, (heave, pitch, largest))
 
 
 def test_a_wamit_out_without_the_force_of_a_mode_or_with_turned_axes_is_refused(tmp_path):

@@ -514,6 +514,22 @@ def test_a_force_or_damping_in_another_unit_is_told_by_long_waves(part, times, s
     assert not found or said in found[0]
 
 
+@pytest.mark.parametrize("factor, unit", [
+    (lambda w: 1e-3 + 0.0 * w, True), (lambda w: 0.02 * w**2, True), (lambda w: 1.0 / w**2, True),
+    (lambda w: 1.0 + 0.3 * w**-3.0, False), (lambda w: 1e-3 + (w > 0.3), False)])
+def test_a_damping_that_is_off_at_low_frequencies_only_is_in_no_other_unit(factor, unit):
+    """Two ships of strip theory: 7 and 13 times what the forces say at 0.1 rad/s, as much as they say from 0.4 on."""
+    omega, rho, g = np.linspace(0.1, 2.0, 20), 1025.0, 9.81
+    C = rho * g * np.pi * 25.0
+    X = C * np.exp(-3.0 * omega[:, None, None] ** 2 / g)
+    B = factor(omega)[:, None, None] * omega[:, None, None] ** 3 * X**2 / (2.0 * rho * g**3)
+    data = HydroData(omega, np.full((20, 1, 1), 1e5), B, dofs=("Heave",), X=X * np.ones((1, 8, 1)), C=[[C]], rho=rho,
+                     directions=2.0 * np.pi * np.arange(8) / 8)
+    (text,) = (f.message for f in data.check().problems if f.kind == "scale")
+    assert ("in another unit" in text) == unit
+    assert unit or (re.search(r", 1(\.\d+)? times as the median over the band, beyond 1.4 times in 0.1 to ", text))
+
+
 @pytest.mark.parametrize("ripple", [0.0, 1e-9])
 def test_an_added_mass_that_does_not_vary_with_a_damping_that_does_is_not_causal(ripple):
     """Measured by what the damping implies, not by the added mass's own range, which is nothing."""

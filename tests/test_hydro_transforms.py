@@ -83,6 +83,32 @@ def test_a_band_that_ends_before_the_damping_falls_says_that_A_inf_is_not_known(
     assert not caplog.messages
 
 
+def test_noise_of_the_last_damping_does_not_make_it_rise(caplog):
+    """A semisubmersible's file ends so: a few per cent of the largest damping, the last value above those before."""
+    memory, w = Memory(A_inf=0.5), np.linspace(0.05, 8.0, 60)
+    for last in (1.0, 2.0, 3.0):
+        bare = memory.data(w, A_inf=False)
+        B = bare.B.copy()
+        B[-1] *= last
+        found = estimate_A_inf(w, bare.A, B)
+        assert B[-1, 0, 0] < 0.1 * B.max() and not found.rising.any()
+        assert abs(found.value[0, 0] - 0.5) < 3.0 * found.std[0, 0] < 0.1
+        bare.replace(B=B).with_A_inf()
+    assert not caplog.messages
+
+
+def test_a_band_that_ends_just_past_the_largest_damping_does_not_say_that_it_rises(caplog):
+    memory = Memory()
+    peak = max(np.linspace(0.05, 6.0, 500), key=lambda w: memory.K(np.array([w])).real[0, 0, 0])
+    bare = memory.data(np.linspace(0.05, 1.04 * peak, 40), A_inf=False)
+    share = bare.B[-1, 0, 0] / bare.B.max()
+    assert 0.98 < share < 1.0 and estimate_A_inf(bare.omega, bare.A, bare.B).rising.all()
+    bare.with_A_inf()
+    (text,) = caplog.messages
+    assert f"Heave is still {100 * share:.0f} % of its largest at {bare.omega[-1]:g} rad/s" in text
+    assert "rises" not in text
+
+
 def test_the_section_solver_obeys_kramers_kronig():
     data = rss.section_2d(rss.lewis_section(0.1, 0.1, 0.9), np.linspace(0.3, 30.0, 120), 0.45, panels=40)
     residual = data.A - data.A_inf - added_mass_from_damping(data.omega, data.B)

@@ -190,10 +190,13 @@ def with_A_inf(data: HydroData) -> HydroData:
     each = ", ".join(f"{dof} {100.0 * s / v:.2g} %" for dof, v, s in zip(data.dofs, value, std) if v > 0.0)
     note = (f"A_inf estimated by Kramers-Kronig with standard uncertainty {each}; up to "
             f"{100.0 * share.max():.2g} % of the damping lies above {found.tail.omega:g} rad/s")
-    if unsure := [dof for dof, rises in zip(data.dofs, np.diagonal(found.rising)) if rises]:
-        log.warning("%s: the damping of %s still rises at %g rad/s, so A_inf is hardly known; give "
-                    "data.replace(A_inf=...), or frequencies up to where the damping falls", data.source or "data",
-                    ", ".join(unsure), found.tail.omega)
+    size = np.abs(np.einsum("kii->ki", data.B))
+    if unsure := [f"{dof} still rises" if end == 1.0 else f"{dof} is still {percent(end)} of its largest"
+                  for dof, end, rises in zip(data.dofs, size[-1] / np.fmax(size.max(axis=0), 1e-300),
+                                             np.diagonal(found.rising)) if rises]:
+        log.warning("%s: the damping of %s at %g rad/s, so A_inf is hardly known; give data.replace(A_inf=...), or "
+                    "frequencies up to where the damping has fallen", data.source or "data", ", of ".join(unsure),
+                    found.tail.omega)
     return data.replace(A_inf=found.value, notes=(*data.notes, note))
 
 

@@ -258,11 +258,12 @@ def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: flo
         if mode(dof) != "Heave" or not C > 0.0:
             continue
         near = (k**2 * C < long**2 * rho_g) & (data.omega**2 * (M + np.abs(data.A[:, i, i])) < long * C)
-        force = np.sqrt(np.mean(np.abs(data.X[near, :, i]) ** 2, axis=1))
-        times = float(force[0]) / C if near.any() else 1.0  # a deep body feels less of shorter waves
-        made = k[near] * force**2 / (4.0 * rho_g * group_velocity(data.omega[near], k[near], data.depth))
-        clear = made > noise * data.omega[near] * np.abs(data.A[near, i, i])
-        damped = float(np.median((data.B[near, i, i] / made)[clear])) if clear.any() else 1.0
+        force = np.sqrt(np.mean(np.abs(data.X[:, :, i]) ** 2, axis=1))
+        times = float(force[near][0]) / C if near.any() else 1.0  # a deep body feels less of shorter waves
+        made = k * force**2 / (4.0 * rho_g * group_velocity(data.omega, k, data.depth))
+        clear = made > noise * data.omega * np.abs(data.A[:, i, i])
+        ratio = np.divide(data.B[:, i, i], made, out=np.ones_like(made), where=clear)
+        damped = float(np.median(ratio[near & clear])) if (near & clear).any() else 1.0
         if not 1.0 / both < times < both and 1.0 / both < damped * times**2 < both:
             yield (f"in long waves the wave force on {dof} is {times:.3g} times what its stiffness says, and "
                    f"{np.sqrt(1.0 / damped):.3g} times what its damping says; X is in another unit (rho, g, 1000), or "
@@ -273,8 +274,20 @@ def off_scale(data: HydroData, apart: float = 6.0, long: float = 0.2, noise: flo
                    "and must be once; X or C is in another unit (rho, g, 1000)")
             continue
         if 0.0 < damped < 1.0 / apart or (round_about and damped > apart):
-            yield (f"in long waves the damping of {dof} is {damped:.3g} times what its wave force says; B, or both, "
-                   "are in another unit (rho, omega)")
+            used, off = clear & (near | round_about), clear & ~((1.0 / both < ratio) & (ratio < both))
+            yield f"in long waves the damping of {dof} is {damped:.3g} times what its wave force says" + (
+                "; B, or both, are in another unit (rho, omega)" if _one_unit(data.omega[used], ratio[used], apart) else
+                f" (Haskind's relation), {np.median(ratio[clear]):.3g} times as the median over the band, beyond "
+                f"{both:.2g} times in {said(bands(data.omega, off))}; there B and X contradict each other, as those of "
+                "strip theory do at low frequencies")
+
+
+def _one_unit(omega: FloatArray, ratio: FloatArray, apart: float, close: float = 0.05) -> bool:
+    """Whether a ratio is one number, `apart` from 1, or a power of omega, within `close` over most of a band."""
+    levels = np.log(np.fmax(ratio, 1e-300)) - np.outer((0, -2, -1, 1, 2), np.log(omega))
+    middle = np.median(levels, axis=1)
+    steady = np.median(np.abs(levels - middle[:, None]), axis=1) < close
+    return bool(steady[1:].any() or (steady[0] and abs(middle[0]) > np.log(apart)))
 
 
 def is_led(lead: float | None) -> bool:

@@ -85,7 +85,7 @@ class InfiniteAddedMass:
     value: FloatArray
     std: FloatArray
     tail: Tail
-    rising: NDArray[np.bool_]  # (n, n): Whether the damping still rises at the highest frequency: all of it is unsure
+    rising: NDArray[np.bool_]  # (n, n): Whether the damping rises up to the end of the band: all of the value is unsure
 
 
 def fit_tail(omega: ArrayLike, B: ArrayLike, powers: tuple[float, float] = (1.5, 12.0), usual: float = 3.0) -> Tail:
@@ -148,11 +148,13 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
 
 
-def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike, least: float = 1e-3) -> InfiniteAddedMass:
+def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike, least: float = 1e-3,
+                   large: float = 0.5) -> InfiniteAddedMass:
     """Estimate A_inf as the level that A and the Kramers-Kronig transform of B differ by.
 
-    Each frequency gives one estimate; the median over the middle of the band is taken. Where the damping still rises at
-    the end of the band, and B / w there is `least` of A_inf, most of it may lie beyond: the estimate may be all wrong.
+    Each frequency gives one estimate; the median over the middle of the band is taken. Where the damping, by a line
+    through the last fifth of the band, rises, to `large` of its largest at the end, and B / w there is `least` of
+    A_inf, most of it may lie beyond: the estimate may be all wrong.
     """
     (w, mass), (_, damping) = _band(omega, A, "A"), _band(omega, B, "B")
     with_tail = mass - added_mass_from_damping(w, B)
@@ -162,8 +164,9 @@ def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike, least: float = 
     low, high = np.quantile(with_tail[used], [0.1, 0.9], axis=0)
     spread = (high - low) / 2.563  # the standard deviation of a normal distribution with these quantiles
     continuation = np.abs(np.median(with_tail[used] - without[used], axis=0))
-    last = np.abs(damping[-1])
-    rising = (last > np.abs(damping[w >= min(0.8 * w[-1], w[-4])][0])) & (last > least * w[-1] * np.abs(value))
+    size, top = np.abs(damping), w >= min(0.8 * w[-1], w[-4])
+    slope = np.tensordot(w[top] - w[top].mean(), size[top], axes=(0, 0))
+    rising = (slope > 0.0) & (size[-1] >= large * size.max(axis=0)) & (size[-1] > least * w[-1] * np.abs(value))
     std = np.maximum(np.hypot(spread, continuation), np.where(rising, np.abs(value), 0.0))
     return InfiniteAddedMass(value, std, fit_tail(w, B), rising)
 

@@ -72,6 +72,9 @@ def _read(path: Path, file: Any, given: dict[str, float]) -> HydroData:
         one, other = (stacked(f"excitation/{part}", angle.size, nw) for part in parts)
         X = one + 1j * other if parts == ("re", "im") else one * np.exp(1j * other)
         fields |= {"X": weight * X.transpose(2, 1, 0), "directions": angle}
+    if code == "NEMOH":  # whose file has a zone for each motion, which BEMIO takes as a row
+        A, B = A.swapaxes(0, 1), B.swapaxes(0, 1)
+        fields |= {"A_inf": fields["A_inf"].T} if "A_inf" in fields else {}
     dofs = six_dofs(bodies)
     if code == "NEMOH" and is_reversed(horizontal_lead(fields.get("X"), fields.get("C"), dofs,
                                                        fields.get("directions"))):

@@ -24,12 +24,14 @@ def read(path: Path, **given: float) -> HydroData:
         raise InputError(f"{path}: no structure 'vessel' of the MSS toolbox in it; it holds {list(content)[:8]}")
     main = vessel["main"] if isinstance(vessel.get("main"), dict) else {}
     notes: list[str] = []
-    stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
-    omega = _numbers(path, vessel, "freqs").ravel()
     speed = _numbers(path, vessel, "velocities").ravel() if "velocities" in vessel else np.zeros(1)
     if not (speed == 0.0).any():
         raise InputError(f"{path}: vessel.velocities = {speed[:6]} has no zero speed; only zero speed is supported")
     still = int(np.flatnonzero(speed == 0.0)[0])
+    if others := ", ".join(f"{v:.4g}" for v in np.delete(speed, still)):
+        notes.append(f"{path}: coefficients at zero speed are read, those at {others} m/s left out")
+    stated = constants(path, {name: _scalar(path, main, name) for name in USUAL}, given, notes)
+    omega = _numbers(path, vessel, "freqs").ravel()
     A, B = (_matrices(path, vessel, name, omega.size, still) for name in ("A", "B"))
     rows = omega.copy()
     if omega.size > 1 and omega[-1] == 10.0 and not B[-1].any():

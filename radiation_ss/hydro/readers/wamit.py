@@ -68,6 +68,12 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
             notes.append(f"{path}: {note}")
             log.warning(notes[-1])
     omega = wamit_out.to_omega(radiation.period, first_column, g, depth, L)
+    if first_column not in ("period", "wavelength") and _exchanged(omega, radiation.A):
+        omega = np.where(omega == 0.0, np.inf, np.where(np.isinf(omega), 0.0, omega))
+        notes.append(f"{path}: a first column 0 taken as infinite frequency and a negative one as zero, which is the "
+                     f"rule for periods, not for {first_column}: the added mass there is clearly nearer to the end of "
+                     "the band that this gives")
+        log.warning(notes[-1])
     finite = np.where(np.isfinite(omega), omega, 0.0)
     A = rho * L ** (3.0 + pair) * radiation.A
     B = rho * L ** (3.0 + pair) * finite[:, None, None] * radiation.B
@@ -90,6 +96,21 @@ def _dimensional(path: Path, header: Header, radiation: Radiation, forces: Force
     rigid = bodies([name for name in names if mode(name) in RIGID])
     points = dict(zip(rigid, header.points)) if len(header.points) == len(rigid) else None
     return assemble(path, omega, A, B, dofs, points=points, notes=[*notes, *header.notes], **stated, **fields)
+
+
+def _exchanged(omega: FloatArray, A: FloatArray, clear: float = 3.0) -> bool:
+    """Whether the added mass at the limits is `clear` times as near to that at the other end of the band."""
+    own = np.einsum("kii->ki", A)
+    own = own / np.fmax(np.ptp(own, axis=0), 1e-3 * np.abs(own).max(axis=0) + 1e-300)
+    order = np.argsort(omega)
+    inside = order[(omega[order] > 0.0) & np.isfinite(omega[order])]
+    if not inside.size:
+        return False
+
+    def apart(first: int, last: int) -> float:
+        return float(np.abs(own[omega == 0.0] - own[first]).sum() + np.abs(own[np.isinf(omega)] - own[last]).sum())
+
+    return clear * apart(inside[-1], inside[0]) < apart(inside[0], inside[-1])
 
 
 def _left_out(path: Path, what: str, modes: list[int], names: tuple[str, ...]) -> list[str]:
@@ -158,15 +179,25 @@ def _drop_empty_limit(path: Path, table: Table, notes: list[str]) -> None:
     notes.append(f"{path}: the added mass at first column 0 is zero in every entry: taken as absent")
 
 
-def parse_3(path: Path, modes: list[int], apart: float = 0.05) -> Forces:
-    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %)."""
+def parse_3(path: Path, modes: list[int], apart: float = 0.05, faint: float = 1e-6) -> Forces:
+    """Parse PER BETA I MOD PHASE RE IM; both forms of a force differ by `apart` at most (whole degrees: .9 %).
+
+    WAMIT prints +-90 deg for what is zero by symmetry, whatever the noise of its parts. Forces, or moments, below
+    `faint` of the largest one are not compared: the seventh digit printed of that one is as large.
+    """
     table: Table = {}
+    largest = {False: 0.0, True: 0.0}  # of the forces, of the moments
+    contrary = []
     for k, values in _rows(path, 7, "period, heading, i, modulus, phase, real, imaginary part"):
         X, polar = complex(values[5], values[6]), values[3] * np.exp(1j * np.deg2rad(values[4]))
-        if abs(X - polar) > apart * max(abs(X), values[3]):
-            raise InputError(f"{path}, line {k + 1}: real and imaginary part, {X:g}, are not those of modulus "
-                             f"{values[3]:g} and phase {values[4]:g} deg")
         add(path, k, table.setdefault((values[0], values[1]), {}), values[2:3], X)
+        moment, size = (values[2] - 1.0) % 6.0 >= 3.0, max(abs(X), values[3])
+        largest[moment] = max(largest[moment], size)
+        if abs(X - polar) > apart * size:
+            contrary.append((k, moment, size, f"{X:g}, are not those of modulus {values[3]:g} and phase {values[4]:g}"))
+    for k, moment, size, forms in contrary:
+        if size > faint * largest[moment]:
+            raise InputError(f"{path}, line {k + 1}: real and imaginary part, {forms} deg")
     return wamit_out.force_array(path, table, modes)
 
 
