@@ -85,17 +85,18 @@ def test_an_entry_has_the_port_form_of_its_own_signature(n1, n2):
     assert_allclose(frequency_response(*found, found[1].T, OMEGA), K, atol=1e-4 * np.abs(K).max(), rtol=0.0)
 
 
-def test_a_spike_of_a_coupling_counts_where_it_is_not_reciprocal():
+def test_a_spike_of_a_coupling_is_not_causal():
     clean = array_of(2).replace(dofs=("a", "b"))
     size = 0.3 * np.abs(clean.B).max()
-    for entries, listed in (([(0, 1)], True), ([(0, 1), (1, 0)], False), ([(0, 1), (1, 0), (0, 0)], True)):
+    for entries in ([], [(0, 1)], [(0, 1), (1, 0)]):
         B = clean.B.copy()
         for i, j in entries:
             B[10, i, j] += size
-        found = rss.fit_radiation(clean.replace(B=B), 2).suspects
-        assert any((s.kind, s.force, s.velocity) == ("spike", "a", "b") for s in found) is listed
+        found = {(s.kind, s.force, s.velocity) for s in rss.fit_radiation(clean.replace(B=B), 2).suspects}
+        assert (("not causal", "a", "b") in found) is bool(entries) and ("not causal", "a", "a") not in found
 
 
+@pytest.mark.filterwarnings("ignore:.*with the values met that were asked for")
 @pytest.mark.parametrize("omega", [1.98, 2.0])
 def test_points_that_rounding_spoils_are_projected_and_said(data, omega):
     # Two coaxial bodies in heave radiate one wave: the damping has rank one, and 1e-7 of rounding makes it indefinite.
@@ -188,8 +189,7 @@ def test_more_states_are_never_worse_on_troubled_data(kind, seed):
         assert (errors[1:] <= 1.001 * np.minimum.accumulate(errors)[:-1] + 1e-6).all(), errors
 
 
-def test_a_step_is_no_spike_and_a_large_spike_does_not_rule_the_fit():
-    assert not rss.fit_radiation(troubled("step", 1), 2).suspects
+def test_a_large_spike_does_not_rule_the_fit():
     data = troubled("spike", 1)
     fit = rss.fit_radiation(data, 8)
     clean = np.abs(data.B[:, 0, 0] - np.median(data.B[:, 0, 0])) < 5.0 * np.abs(data.B[:, 1, 1]).max()
@@ -207,11 +207,12 @@ def test_what_the_fit_leaves_out_is_said():
     assert fit.blocks == (("Surge", "Sway"),) and fit.states == 6 and np.isnan(fit.entry_error[2, 2])
     assert [part.size for part in fit.polynomials("Heave", "Heave")] == [0, 0] and fit.select(["Heave"]).states == 0
     assert fit.relative_error < 0.1 and "Heave: no radiation but numerical noise" in fit.notes[-1]
-    assert rss.audit(fit, data).relative_error == pytest.approx(fit.relative_error, rel=1e-6)
+    assert rss.audit(fit, data).relative_error == pytest.approx(fit.whole_error, rel=1e-6)
     # Modes of one's own have units of their own: a small one is not noise.
     own = data.replace(dofs=("Surge", "Sway", "bending"))
-    with pytest.warns(rss.errors.InputWarning, match="does not follow K of bending"):
-        assert ("bending",) in rss.fit_radiation(own, 2).blocks
+    noisy = rss.fit_radiation(own, 2)
+    assert ("bending",) in noisy.blocks
+    assert any(note.startswith("bending: more than half of the samples break Kramers-Kronig") for note in noisy.notes)
     B[:, 0, 1] += 5.0 * np.abs(B).max()
     with pytest.warns(rss.errors.InputWarning, match="does not follow K of Surge"):
         notes = rss.fit_radiation(data.replace(B=B), 3).notes
@@ -272,13 +273,14 @@ def irregular(data, at, residue):
 
 
 @pytest.mark.parametrize("order", [4, 6])
-def test_the_beginning_of_a_resonance_above_the_band_is_told(order):
+def test_the_beginning_of_a_resonance_above_the_band_is_told_and_not_followed(order):
     truth = data_of(*random_passive(4, 1, 7, zero=True), omega=np.linspace(0.02, 8.4, 210))
     data = irregular(truth, 8.6, 0.3)
     assert np.abs(data.K[-1]).max() > 0.3 * np.abs(truth.K).max()
     fit = rss.fit_radiation(data, order)
-    assert any("rises as to a resonance just above the band" in note for note in fit.notes)
-    assert {"resonance above the band"} == {s.kind for s in fit.suspects}
+    K, below = fit.frequency_response(truth.omega), truth.omega < 7.0
+    assert np.linalg.norm((K - truth.K)[below]) < 0.06 * np.linalg.norm(truth.K[below])
+    assert {"not causal"} == {s.kind for s in fit.suspects}
     assert any("just above it: Heave 8.6 rad/s" in f.message for f in data.check().findings)
 
 

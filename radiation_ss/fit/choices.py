@@ -1,6 +1,5 @@
 """What a fit chooses: samples that count less, points that K can be met at, and the order, by held-out frequencies."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -9,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radiation_ss.arrays import ComplexArray, FloatArray, lagrange, read_only
+from radiation_ss.arrays import ComplexArray, FloatArray, read_only
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.fit.problem import Problem, joint_error, scales, symmetric
+from radiation_ss.fit.causal import not_causal, scales, together, wrong_values
+from radiation_ss.fit.problem import Problem, joint_error, symmetric
 from radiation_ss.fit.rational import Realisation, frequency_response
-from radiation_ss.hydro.band_end import beyond_band
 from radiation_ss.hydro.data import HydroData
 
 
@@ -93,84 +92,52 @@ def _walk(trial: Callable[[int], Trial], orders: Sequence[int], good: float = 0.
 class Suspect:
     """One sample that was weighted down."""
 
-    kind: str  # "spike" (irregular frequency, reading error), "negative damping" or "resonance above the band"
+    kind: str  # "spike" (irregular frequency, wrong value), "not causal" (what else breaks Kramers-Kronig), or
+    # "negative damping"
     # force, velocity: Degrees of freedom of the entry
     force: str
     velocity: str
     omega: float  # Frequency [rad/s]
-    # Distance from the neighbours, or the negative damping, relative to the largest |K| of the entry's rows
-    size: float
+    size: float  # What breaks Kramers-Kronig, or the negative damping, relative to the largest |K| of the entry's rows
 
     def __str__(self) -> str:
         return f"{self.kind} of {self.force}, {self.velocity} at {self.omega:.4g} rad/s ({self.size:.1%})"
 
 
-def suspects_of(data: HydroData, negative: float = 1e-3) -> tuple[Suspect, ...]:
-    """Return the suspicious samples of B and w (A - A_inf).
-
-    Spikes are those of `_spikes` in the diagonal entries; in the couplings only where a diagonal entry has one too
-    (irregular frequencies) or where K_ij and K_ji differ by half of it (reading errors): couplings of far bodies swing
-    faster than the frequencies are sampled. Negative damping is B_ii below -`negative` of its maximum. The part of a
-    resonance just above the band is that of `beyond_band`; its residues, and so the couplings' parts, have rank one.
-    """
-    K = data.K / np.outer(scales(data), scales(data))
-    own = [_spikes(data.omega, K[:, i, i]) for i in range(data.n)]
-    found = []
-    for i, j in combinations_with_replacement(range(data.n), 2):
-        apart = own[i]
-        if i != j:
-            apart = np.maximum(*(_spikes(data.omega, entry) for entry in (K[:, i, j], K[:, j, i])))
-            apart = apart * ((own[i] + own[j] > 0.0) | (np.abs(K[:, i, j] - K[:, j, i]) > 0.5 * apart))
-        found += [Suspect("spike", data.dofs[i], data.dofs[j], float(data.omega[k]), float(apart[k]))
-                  for k in np.flatnonzero(apart)]
-    for i in range(data.n):
-        damping = K[:, i, i].real
-        found += [Suspect("negative damping", data.dofs[i], data.dofs[i], float(data.omega[k]), float(-damping[k]))
-                  for k in np.flatnonzero(damping < -negative)]
-    parts = [beyond_band(data.omega, K[:, i, i])[1] for i in range(data.n)]
-    for i, j in combinations_with_replacement(range(data.n), 2):
-        part = np.sqrt(parts[i] * parts[j])
-        found += [Suspect("resonance above the band", data.dofs[i], data.dofs[j], float(data.omega[k]), float(part[k]))
-                  for k in np.flatnonzero(part)]
+def suspects_of(data: HydroData, tolerated: float = 0.03) -> tuple[Suspect, ...]:
+    """Return spikes, samples that break Kramers-Kronig by `tolerated`, and those whose damping is negative."""
+    off, spike, lacking = not_causal(data), wrong_values(data) > 0.0, negative(data)
+    found = [Suspect("spike" if spike[k, i] or spike[k, j] else "not causal", data.dofs[i], data.dofs[j],
+                     float(data.omega[k]), float(off[k, i, j]))
+             for i, j in combinations_with_replacement(range(data.n), 2)
+             for k in np.flatnonzero(off[:, i, j] > tolerated)]
+    found += [Suspect("negative damping", data.dofs[i], data.dofs[i], float(data.omega[k]), float(lacking[k, i]))
+              for k, i in np.argwhere(lacking)]
     return tuple(sorted(found, key=lambda s: (s.omega, s.force, s.velocity)))
 
 
-def above_band(data: HydroData, suspects: tuple[Suspect, ...]) -> Iterator[str]:
-    """Say for which motions the beginning of a resonance above the band is weighted down."""
-    first: dict[str, float] = {}
-    for suspect in suspects:
-        if suspect.kind == "resonance above the band" and suspect.force == suspect.velocity:
-            first.setdefault(suspect.force, suspect.omega)
-    for dof, omega in first.items():
-        yield (f"{dof}: towards {data.omega[-1]:.3g} rad/s K rises as to a resonance just above the band, as of an "
-               f"irregular frequency; samples from {omega:.3g} rad/s on count less, the more it has of them")
+def negative(data: HydroData, rounding: float = 1e-3) -> FloatArray:
+    """Return by how much each B_ii is below zero, over s_i^2, (nw, n); 0 up to `rounding`."""
+    low = np.maximum(-np.einsum("wii->wi", data.B) / scales(data) ** 2, 0.0)
+    return np.asarray(np.where(low > rounding, low, 0.0))
 
 
-def weights_of(data: HydroData, suspects: tuple[Suspect, ...], least: float = 0.03, tolerated: float = 0.03,
-               few: float = 0.2) -> FloatArray:
-    """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what is suspicious or not symmetric.
+def weights_of(data: HydroData, tolerated: float = 0.03, least: float = 0.03, few: float = 0.2) -> FloatArray:
+    """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what no causal, reciprocal body has.
 
-    A sample that is off by z has 1 / (1 + (z / `tolerated`)^2), and a coupling is off by half of what it differs from
-    its transpose: damping that a passive model must have to follow it would be put on the motions themselves. But a
-    spike has at most `least`, so that the largest does not rule the fit, and negative damping at least `least`: what is
-    round-off keeps its say in the added mass. Where more than `few` of an entry's samples are such they are no outliers
-    but the data, and count in full. The samples of a resonance above the band share its error: together they count
-    as one.
+    A sample that is off by z has 1 / (1 + (z / `tolerated`)^2). It is off by what breaks Kramers-Kronig, and samples in
+    a row that do so share one error. A coupling is off by half of what it differs from its transpose: damping that a
+    passive model must have to follow it would be put on the motions themselves. Negative damping is off by its size and
+    has `least` at least, so that what is round-off keeps its say in the added mass; more than `few` of the samples are
+    no outliers but the data, and count in full.
     """
     skew = 0.5 * np.abs(data.K - np.swapaxes(data.K, 1, 2)) / np.outer(scales(data), scales(data))
-    weight = 1.0 / (1.0 + (skew / tolerated) ** 2)
-    limits = {"spike": (0.0, least), "negative damping": (least, 1.0)}
-    counts = Counter((suspect.kind in limits, suspect.force, suspect.velocity) for suspect in suspects)
-    for suspect in suspects:
-        alone = suspect.kind in limits
-        count = counts[alone, suspect.force, suspect.velocity]
-        if alone and count > few * data.omega.size:
-            continue
-        i, j = data.dofs.index(suspect.force), data.dofs.index(suspect.velocity)
-        share = 1.0 / (1.0 + (1 if alone else count) * (suspect.size / tolerated) ** 2)
-        share = np.clip(share, *limits.get(suspect.kind, (0.0, 1.0)))
-        k = int(np.searchsorted(data.omega, suspect.omega))
-        weight[k, [i, j], [j, i]] = min(float(share), float(weight[k, i, j]))
+    wrong = not_causal(data)
+    weight = 1.0 / (1.0 + (skew**2 + together(wrong > tolerated) * wrong**2) / tolerated**2)
+    for i, low in enumerate(negative(data).T):
+        if np.count_nonzero(low) <= few * low.size:
+            own = np.where(low > 0.0, np.maximum(1.0 / (1.0 + (low / tolerated) ** 2), least), 1.0)
+            weight[:, i, i] = np.minimum(weight[:, i, i], own)
     return weight
 
 
@@ -184,64 +151,17 @@ def nearest_possible(data: HydroData) -> ComplexArray:
 
 
 def left_out(data: HydroData, weight: FloatArray, error: float) -> Iterator[str]:
-    """Say which motions have no states, and of what error more than half is in the data."""
+    """Say which motions have no states, which hardly count, and of what error more than half is in the data."""
     if silent := [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]:
         yield f"{', '.join(silent)}: no radiation but numerical noise; left out of the model and its error"
+    few = np.median(np.einsum("wii->wi", np.broadcast_to(weight.T, data.K.T.shape).T), axis=0) < 0.5 * weight.max()
+    if wrong := [dof for dof, doubtful in zip(data.dofs, few) if doubtful]:
+        yield (f"{', '.join(wrong)}: more than half of the samples break Kramers-Kronig or have negative damping, and "
+               "count less (see data.check())")
     least = joint_error(data, nearest_possible(data), weight)
     if least > 0.5 * error:
         yield (f"of the error {error:.2g} the data themselves hold {least:.2g}: K_ij and K_ji differ, or damping is "
                "negative, which no reciprocal and passive model has (see data.check())")
-
-
-def _spikes(omega: FloatArray, K: ComplexArray, reach: int = 4, deviations: float = 6.0,
-            floor: float = 0.02, step: float = 0.8) -> FloatArray:
-    """Return how far each sample lies off the line through its neighbours where that is a spike, else 0.
-
-    A spike is off by `deviations` robust standard deviations (Hampel's test over `reach` neighbours on each side, so
-    that slopes and peaks pass) and by `floor` of the largest value, in the real or the imaginary part; and no
-    neighbour is off by more than `step` of it.
-    """
-    apart = np.zeros(omega.size)
-    if omega.size < 2 * reach + 1:
-        return apart
-    share = (omega[1:-1] - omega[:-2]) / (omega[2:] - omega[:-2])
-    for values in (K.real, K.imag):
-        off = np.zeros(values.size)
-        off[1:-1] = values[1:-1] - (values[:-2] + share * (values[2:] - values[:-2]))
-        windows = np.lib.stride_tricks.sliding_window_view(np.pad(off, reach, mode="reflect"), 2 * reach + 1)
-        deviation = 1.4826 * np.median(np.abs(windows - np.median(windows, axis=1, keepdims=True)), axis=1)
-        # The line through the neighbours of a spike is off by half the spike on both sides: keep the largest only.
-        # At a step two neighbours are off by as much, to opposite sides; that is no spike.
-        largest = np.abs(windows).argmax(axis=1) == reach
-        beside = np.maximum(np.abs(windows[:, reach - 1]), np.abs(windows[:, reach + 1]))
-        spike = largest & (np.abs(off) > deviations * deviation) & (np.abs(off) > floor)
-        spike &= beside < step * np.abs(off)
-        apart = np.maximum(apart, np.where(spike, np.abs(off), 0.0))
-    for k in np.flatnonzero(apart):
-        _add_flanks(apart, omega, K, int(k), deviations, floor)
-    return apart
-
-
-def _add_flanks(apart: FloatArray, omega: FloatArray, K: ComplexArray, spike: int, deviations: float,
-                floor: float, narrow: float = 0.5) -> None:
-    """Add to `apart` the samples next to a spike that belong to it: an irregular frequency decays as 1 / |w - w0|.
-
-    They are off the cubic through two samples on either side of what is taken out by `floor`, and by `deviations`
-    robust standard deviations of what is as wide nearby. At a distance d a resonance of damping rate a has the shape
-    1 / (a + i d). One with a > `narrow` d is resolved by the samples, as that of a moonpool may be, and is kept.
-    """
-    for h in range(1, (omega.size - 4) // 2):
-        centres = np.arange(max(spike - 3 * (h + 2), h + 2), min(spike + 3 * (h + 2), omega.size - h - 3) + 1)
-        if spike not in centres:
-            return
-        edges, outside = (centres[:, None] + np.array(steps) for steps in ([-h, h], [-h - 2, -h - 1, h + 1, h + 2]))
-        off = np.stack([K[edge] - np.einsum("kj,kj->k", lagrange(omega[outside], omega[edge]), K[outside])
-                        for edge in edges.T], axis=1)
-        least, at = max(floor, deviations * 1.4826 * float(np.median(np.abs(off)))), off[centres == spike][0]
-        own = np.where((np.abs(at) > least) & (np.abs(at.real) < narrow * np.abs(at.imag)), np.abs(at), 0.0)
-        if not own.any():
-            return
-        apart[[spike - h, spike + h]] = np.maximum(apart[[spike - h, spike + h]], own)
 
 
 def points_within(points: ArrayLike | None, data: HydroData) -> FloatArray:

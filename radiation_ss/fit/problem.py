@@ -9,8 +9,9 @@ from scipy.interpolate import Akima1DInterpolator
 
 from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.errors import InputError
+from radiation_ss.fit.causal import scales
 from radiation_ss.fit.rational import connected
-from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
+from radiation_ss.hydro.data import HydroData
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,18 +236,6 @@ def _value_at_zero(value: float | ArrayLike, data: HydroData, square: Sequence[N
     if np.linalg.eigvalsh(0.5 * (part + part.T))[0] < 0.0:
         raise InputError("at_zero: K(0) must be positive semidefinite, or no passive model can meet it")
     return np.asarray(part)
-
-
-def scales(data: HydroData, silence: float = 1e-5) -> FloatArray:
-    """Return s_i = sqrt(max_w |K_ii|), shape (n,); infinite, which leaves it out, where a motion does not radiate.
-
-    Below `silence` of the largest of the translations, or of the rotations, of the same body K is numerical noise.
-    """
-    size = np.abs(np.einsum("wii->wi", data.K)).max(axis=0)
-    rigid = [mode(dof) in RIGID for dof in data.dofs]
-    kinds = [(body(dof), motion_unit(dof) if own else dof) for dof, own in zip(data.dofs, rigid)]
-    largest = np.array([max(other for other, same in zip(size, kinds) if same == kind) for kind in kinds])
-    return np.where(size > silence * largest, np.sqrt(size), np.inf)
 
 
 def joint_error(data: HydroData, K: ComplexArray, weight: FloatArray | None = None) -> float:

@@ -9,7 +9,8 @@ from scipy.linalg import block_diag
 from radiation_ss.arrays import ComplexArray, FloatArray, frequencies, read_only
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import MATRICES, RIGID, ROTATIONS, TRANSLATIONS, HydroData, body, mode
-from radiation_ss.hydro.measures import bands, damping_scale, percent, roughness, said, scaled
+from radiation_ss.hydro.measures import bands, damping_scale, percent, said, scaled
+from radiation_ss.hydro.narrow import not_of_a_body, roughness
 from radiation_ss.hydro.transforms import estimate_A_inf
 
 log = logging.getLogger("radiation_ss")
@@ -31,7 +32,7 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         Leave out the frequencies of these intervals [rad/s], ends included.
     spikes : bool or float
         Leave out frequencies where A or B is off its neighbours by more than this share of the curve's largest value
-        (True: 3 %).
+        (True: 3 %) and breaks Kramers-Kronig there, has negative damping, or lies where irregular frequencies do.
     symmetric : bool
         Replace A, B, A_inf and A_zero by half of themselves and their transpose.
     negative_damping : bool
@@ -55,9 +56,10 @@ def clean(data: HydroData, *, band: tuple[float, float] | None = None, drop: Seq
         outside = [(data.omega < low) | (data.omega > high) for low, high in drop]
         data = _keep(data, np.all(outside, axis=0), "as asked")
     if spikes:
-        rough = roughness(data).max(axis=(1, 2))
-        data = _keep(data, rough <= (0.03 if spikes is True else float(spikes)),
-                     f"that leave their neighbours by up to {percent(rough.max())}")
+        share, found = 0.03 if spikes is True else float(spikes), data.check()
+        wrong = not_of_a_body(data, roughness(data), found.kramers_kronig, found.smallest_eigenvalue, share)
+        rough = wrong.max(axis=(1, 2))
+        data = _keep(data, rough <= share, f"that leave their neighbours by up to {percent(rough.max())}")
     for wanted, repaired in ((symmetric, _symmetric), (negative_damping, _passive), (A_inf, _implied_A_inf)):
         data = repaired(data) if wanted else data
     return data

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from radiation_ss.arrays import ComplexArray, FloatArray, lagrange
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
-from radiation_ss.hydro.findings import Finding
 from radiation_ss.hydro.linear_waves import group_velocity, wave_number
 
 REVERSED = ("in long waves the horizontal wave force lags the elevation by a quarter period where it must lead: the "
@@ -51,44 +50,6 @@ def worst(values: FloatArray) -> tuple[float, list[int]]:
     return float(values[at]), [int(k) for k in at]
 
 
-def roughness(data: HydroData) -> FloatArray:
-    """Return how far A and B, scaled, leave their neighbours, shape (nw, n, n); see `narrow_features`."""
-    damping, silent = damping_scale(data)
-    return np.maximum(narrow_features(data.omega, scaled(data.B, damping)),
-                      narrow_features(data.omega, scaled(data.A, mass_scale(data, silent))))
-
-
-def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02, coarse: float = 0.3) -> FloatArray:
-    """Return how far each point lies off the cubic through two neighbours on either side, shape of `curves`.
-
-    Neighbours are taken at several strides, up to a `width` relative to the frequency; of the strides the largest
-    departure counts. What a smooth curve shows at this spacing (its median departure nearby) is taken off. Between
-    neighbours farther apart than a share `coarse` of the frequency a body's own peak, half as wide as its frequency is
-    high, leaves its cubic by some hundredths: nothing is said there.
-    """
-    departure = np.zeros_like(curves)
-    n = omega.size
-    stride = 1
-    while 4 * stride < n:
-        k = np.arange(2 * stride, n - 2 * stride)
-        apart = omega[k + stride] - omega[k - stride]
-        k = k[apart < (coarse if stride == 1 else 2.0 * width) * omega[k]]
-        if k.size == 0:
-            break
-        beside = k[:, None] + stride * np.array([-2, -1, 1, 2])
-        x = omega[beside] - omega[k, None]
-        cubic = np.einsum("kj,kj...->k...", lagrange(x, np.zeros(k.size)), curves[beside])
-        # The cubic overshoots next to a spike: it counts only where the chord is left as well.
-        chord = (x[:, 2, None, None] * curves[k - stride] - x[:, 1, None, None] * curves[k + stride]) / (
-            x[:, 2] - x[:, 1])[:, None, None]
-        size = np.minimum(np.abs(curves[k] - cubic), np.abs(curves[k] - chord))
-        nearby = np.arange(k.size)[:, None] + stride * np.arange(-10, 11)
-        usual = np.median(size[np.clip(nearby, 0, k.size - 1)], axis=1)
-        departure[k] = np.maximum(departure[k], np.maximum(size - 4.0 * usual, 0.0))
-        stride *= 2
-    return departure
-
-
 def bands(omega: FloatArray, flagged: np.ndarray) -> tuple[tuple[float, float], ...]:
     """Return the intervals of frequencies that are flagged; gaps of up to two points are bridged."""
     at = np.flatnonzero(flagged)
@@ -118,39 +79,6 @@ def percent(share: float) -> str:
     """Return a share in per cent with two digits, never as a power of ten."""
     value = 100.0 * share
     return f"{value:.0f} %" if abs(value) >= 10.0 else f"{value:.2g} %"
-
-
-def narrow(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: FloatArray,
-           tolerance: float) -> Iterator[Finding]:
-    """Name narrow features: those that no causal, passive body has are irregular frequencies of the panel method."""
-    size = rough.max(axis=(1, 2))
-    broken = np.maximum(np.abs(residual).max(axis=(1, 2)), -smallest)
-    irregular, low = [], _lowest_irregular(data)
-    for first, last in bands(data.omega, size > tolerance):
-        here = np.flatnonzero((data.omega >= first) & (data.omega <= last))
-        near = slice(max(here[0] - 2, 0), here[-1] + 3)
-        if broken[near].max() > tolerance or (low is not None and data.omega[here[size[here].argmax()]] > low):
-            irregular.append(here)
-            continue
-        most, (k, i, j) = worst(rough[here])
-        yield Finding("spike", most > 2.0 * tolerance, most, ((first, last),), pair(data, i, j),
-                      f"{named(data, i, j)} is an outlier, off its neighbours by {percent(most)} at "
-                      f"{data.omega[here[k]]:.3g} rad/s, with no harm to Kramers-Kronig: a mode of "
-                      "enclosed water (gap, moonpool), or an irregular frequency of the panels")
-    if not irregular:
-        return
-    places = np.concatenate(irregular)
-    most, (k, i, j) = worst(rough[places])
-    peaks = [int(k) for k in np.sort(places) if size[k] >= size[max(k - 2, 0):k + 3].max()]
-    more = f" and {len(peaks) - 12} more" if len(peaks) > 12 else ""
-    at = ", ".join(f"{w:.3g}" for w in data.omega[peaks[:12]]) + more
-    yield Finding("irregular frequency", most > 2.0 * tolerance, most,
-                  tuple((float(data.omega[here[0]]), float(data.omega[here[-1]])) for here in irregular),
-                  pair(data, i, j), f"at {at} rad/s A and B leave their neighbours, by up to {percent(most)} "
-                  f"({named(data, i, j)} at {data.omega[places[k]]:.3g} rad/s), as no causal and passive body does: "
-                  "irregular frequencies of the panel method, a wrong value, or a resonance of enclosed water finer "
-                  "than the steps. Compute again with a lid (WAMIT: IRR) or finer steps; data.clean(spikes=True) "
-                  "leaves them out")
 
 
 def statically_unstable(M: FloatArray, C: FloatArray, dofs: Sequence[str], rest: float = 1e-6) -> tuple[str, ...]:
@@ -199,19 +127,6 @@ def inertia_not_symmetric(A_inf: FloatArray, M: FloatArray | None, dofs: Sequenc
             return (f"{name} of {dofs[i]}-{dofs[j]} and of its transpose differ by {percent(float(skew[i, j]))} of the "
                     f"inertia: the body as a whole is not passive, even where its radiation is; {remedy}")
     return ""
-
-
-def _lowest_irregular(data: HydroData) -> float | None:
-    """Return the frequency [rad/s] that irregular ones lie above, and a moonpool's piston mode below; None if unknown.
-
-    Irregular frequencies are those of the water inside the body, closed at its hull: of a wall-sided one w^2 = g k
-    coth(k T), above g / T for any k. The draught T is the displaced volume over the waterplane.
-    """
-    heave = [i for i, dof in enumerate(data.dofs) if mode(dof) == "Heave"]
-    if data.M is None or data.C is None or len(heave) != 1:
-        return None
-    mass, stiffness = data.M[heave[0], heave[0]], data.C[heave[0], heave[0]]
-    return float(np.sqrt(stiffness / mass)) if mass > 0.0 and stiffness > 0.0 else None
 
 
 def horizontal_lead(X: ComplexArray | None, C: FloatArray | None, dofs: Sequence[str], directions: FloatArray | None,

@@ -25,18 +25,17 @@ from radiation_ss.hydro.measures import (
     is_reversed,
     mass_scale,
     named,
-    narrow,
     off_scale,
     pair,
     percent,
-    roughness,
     said,
     scaled,
     statically_unstable,
     unstable_text,
     worst,
 )
-from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, estimate_A_inf, fit_tail
+from radiation_ss.hydro.narrow import narrow, roughness
+from radiation_ss.hydro.transforms import Tail, added_mass_from_damping, beside_implied, estimate_A_inf, fit_tail
 
 
 def check(data: HydroData, tolerance: float = 0.03) -> QualityReport:
@@ -89,16 +88,14 @@ def _causality(data: HydroData, scale: FloatArray, tolerance: float,
         missing = Finding("A_inf missing", False, 0.0, (), data.dofs, "and too few frequencies to estimate it")
         return (np.zeros_like(data.A), Tail(float(w[-1]), data.B[-1], zero + 3.0, zero > 0.0, zero),
                 [few] if data.A_inf is not None else [few, missing])
-    raw = data.A - added_mass_from_damping(w, data.B)
-    middle = (w > w[0]) & (w < 0.9 * w[-1])
-    level = np.median(raw[middle], axis=0)
-    residual, tail = scaled(raw - level, scale), fit_tail(w, data.B)
+    beside, level = beside_implied(w, data.A, data.B)
+    residual, tail, middle = scaled(beside, scale), fit_tail(w, data.B), (w > w[0]) & (w < 0.9 * w[-1])
     found: list[Finding] = []
     inside = np.where(middle[:, None, None], np.abs(residual), 0.0)
     if where := bands(w, inside.max(axis=(1, 2)) > tolerance):
         size, (k, i, j) = worst(inside)
-        faster = data.A - added_mass_from_damping(2.0 * np.pi * w, data.B)
-        left = float(np.abs(scaled(faster - np.median(faster[middle], axis=0), scale))[middle].max())
+        faster, _ = beside_implied(2.0 * np.pi * w, data.A, data.B)
+        left = float(np.abs(scaled(faster, scale))[middle].max())
         hertz = f"; were the frequencies in Hz, by {percent(left)}: they may be" if left < 0.05 * size else ""
         found.append(Finding("Kramers-Kronig", size > 3.0 * tolerance, size, where, pair(data, i, j),
                              f"added mass and damping violate the Kramers-Kronig relations by {percent(size)} of the "

@@ -148,6 +148,17 @@ def added_mass_from_damping(omega: ArrayLike, B: ArrayLike, *, tail: bool = True
     return 2.0 / np.pi * (np.tensordot(ratio, f, axes=(1, 0)) - own)
 
 
+def beside_implied(omega: ArrayLike, A: ArrayLike, B: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return A - A_inf less what B implies by Kramers-Kronig, (nw, n, n), and the A_inf of its median, (n, n).
+
+    It is zero of a causal body. Below the lowest and above nine tenths of the highest frequency it is less sure.
+    """
+    raw = np.asarray(A) - added_mass_from_damping(omega, B)
+    w = np.asarray(omega)
+    level = np.median(raw[(w > w[0]) & (w < 0.9 * w[-1])], axis=0)
+    return raw - level, level
+
+
 def estimate_A_inf(omega: ArrayLike, A: ArrayLike, B: ArrayLike, least: float = 1e-3,
                    large: float = 0.5) -> InfiniteAddedMass:
     """Estimate A_inf as the level that A and the Kramers-Kronig transform of B differ by.
