@@ -97,3 +97,20 @@ def test_noise_of_a_slow_motions_sensor_makes_no_force_by_radiation(seed):
     found = rss.diagnose(soft, rss.Record(time, read, kind="prescribed"), ["quadratic_drag", "linear_stiffness"])
     assert found.verdict.status == "no_gap"
     assert found.how_far.gap_before < 1.3 * found.how_far.noise_floor
+
+
+@pytest.mark.parametrize("seed", some([0, 1]))
+def test_what_a_fit_leaves_out_of_its_data_is_no_gap_of_a_prescribed_motion(seed):
+    """The force is that of A and B themselves at their own frequencies; two states leave a part of it out."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 120.0, 0.1)
+    data = rss.section_2d(rss.lewis_section(1.0, 0.6, 0.95), np.linspace(0.3, 6.0, 58), gyradius=0.7).select("Heave")
+    poor = rss.Model.from_hydro(data, rss.fit_radiation(data, 2))
+    used = np.flatnonzero((data.omega > 0.8) & (data.omega < 3.0))
+    omega, s = data.omega[used], 1j * data.omega[used]
+    phasor = rng.uniform(0.5, 1.0, omega.size) * np.exp(2j * np.pi * rng.random(omega.size)) / omega
+    Z = s**2 * (data.M[0, 0] + data.A[used, 0, 0]) + s * data.B[used, 0, 0] + data.C[0, 0]
+    x, force = (np.real(p @ np.exp(np.outer(s, time))) for p in (phasor, Z * phasor))
+    read = {name: y + 0.002 * np.std(y) * rng.standard_normal(time.size)
+            for name, y in (("Heave", x), ("Heave_force", force))}
+    found = rss.diagnose(poor, rss.Record(time, read, kind="prescribed"), ["linear_damping", "added_inertia"])
+    assert found.verdict.status == "no_gap" and found.how_far.gap_before < 0.015 < poor.fit.relative_error

@@ -12,6 +12,7 @@ from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
 from radiation_ss.inference.effect_features import Feature, Symbols, features
+from radiation_ss.inference.equation import radiation_left_out
 from radiation_ss.inference.grid import averaged, fewest
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion, with_waves
 from radiation_ss.records.columns import QUANTITIES
@@ -136,6 +137,7 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
             told = told + value * np.diag(found.response[0].real)[:, None]
     true = truly(model, motion, np.asarray(np.linalg.inv(read), dtype=np.float64))
     force = (model.M + model.A_inf) @ true.a + true.paced * model.D @ true.v + true.memory + model.C @ true.x
+    force = force - radiation_left_out(model, true).force
     if np.any(off):
         force = force - needed_force(model, motion, np.asarray(np.linalg.solve(read, off), dtype=np.float64))
     for _, value, found in strengths_along(model, actives, true):

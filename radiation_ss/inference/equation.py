@@ -26,6 +26,7 @@ from radiation_ss.inference.rows import (
     jacobian_weight,
     local_size,
     moved,
+    only_noise,
     powers,
     relative_gap,
     rows_of,
@@ -62,7 +63,7 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
                             np.full(spectra, discrepancy.spectrum)])
     ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
                               np.full(spectra, discrepancy.ambient * 0.05)])
-    power = powers(places, runs, scale, discrepancy.saturation)
+    power = powers(places, runs, scale, discrepancy.saturation) * ~only_noise(model, runs, places, error, noise)
     weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
     ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
     rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,

@@ -212,6 +212,22 @@ def powers(places: Sequence[Place], runs: Sequence[MeasuredMotion], scale: Float
     return power
 
 
+def only_noise(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], error: FloatArray,
+               noise: FloatArray, sure: float = 3.0) -> np.ndarray:
+    """Return the rows (N,) of motions set by a machine that show no motion, nor a force, beyond the sensors' noise.
+
+    Neither the force that the measured motion needs nor the measured one is `sure` standard deviations large there.
+    Such a row would be fitted the better the less force a model makes of any motion: its noise is another then.
+    """
+    found = np.zeros(error.size, dtype=bool)
+    for place in places:
+        run, rows = runs[place.record], place.rows
+        if run.record.kind == "prescribed" and place.order < 0:
+            needed = moved(model, run, place, run.raw, run.memory)
+            found[rows] = np.maximum(np.abs(needed), np.abs(needed - error[rows])) < sure * np.sqrt(noise[rows])
+    return found
+
+
 def overlaps(runs: Sequence[MeasuredMotion], i: int, octaves: float = 0.6) -> FloatArray:
     """Return how far the motion has the same frequencies in any two records, 0 to 1: Bhattacharyya's coefficients.
 
@@ -236,8 +252,7 @@ def jacobian_weight(places: Sequence[Place], runs: Sequence[MeasuredMotion], pow
         weight = np.zeros((run.omega_fine.size, n))
         for place in places:
             if place.record == r and place.order < 0:
-                rows = (place.rows.stop - place.rows.start) / jacobian_terms(place, run)
-                weight[: jacobian_terms(place, run), place.dof] = rows * power[place.rows.start]
+                weight[: jacobian_terms(place, run), place.dof] = power[place.rows].sum() / jacobian_terms(place, run)
         found.append(weight.ravel())
     return np.concatenate(found)
 
