@@ -417,3 +417,18 @@ def test_the_gain_of_one_of_two_coupled_motions_is_what_its_sensor_reads_more(ki
     (effect,) = rss.diagnose(model, record, effects=["sensor_gain"]).verdict.effects
     value, deviation = effect.parameters["gain"]
     assert effect.dof == "Heave" and abs(value - (times - 1.0)) < max(2.0 * deviation, 0.01) < 0.07
+
+
+@pytest.mark.parametrize("test", [HEAVE, SWAY, ROLL])
+@pytest.mark.parametrize("unit, newton", [("kgf", 9.80665), ("lbf", 4.4482216)])
+def test_no_name_is_sure_where_a_unit_of_the_force_explains_as_much(test, unit, newton):
+    dof, numbers, size, middle = test
+
+    def read(seed, share):
+        record = driven(dof, numbers, share * size, middle, lambda x, v: 0.0 * v, seed)
+        return record.with_channels(**{f"{dof}_force": record.channels[f"{dof}_force"] / newton})
+
+    found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
+    assert found.verdict.status in ("ambiguous", "unknown_effect") and not found.verdict.effects
+    assert found.misreadings and unit in found.sentence.split("As the columns are read")[0]
+    assert found.sentence.startswith("First check record")

@@ -109,3 +109,17 @@ def test_a_far_factor_of_load_and_place_is_no_more_a_stiffness_than_a_gain(share
     if share < 1.0:  # of a rig whose cells are known
         alone = rss.diagnose(model, record, effects=["linear_stiffness", "cubic_stiffness"])
         assert [e.name for e in alone.verdict.effects] == ["linear_stiffness"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("unit, newton", [("kgf", 9.80665), ("lbf", 4.4482216)])
+def test_a_load_in_another_unit_is_told_before_any_name(unit, newton, seed):
+    model = rss.body(**SHIP)
+    record = inclined(model, UP, lambda C, x: C * x / newton, seed=seed)
+    for effects in (None, ["linear_stiffness"]):
+        found = rss.diagnose(model, record, effects=effects)
+        assert found.verdict.status == "ambiguous" and not found.verdict.effects and found.verdict.probability <= 0.5
+        (said,) = found.misreadings
+        assert f"force in {unit} is" in said and found.sentence.startswith(f"First check {said}")
+    right = rss.diagnose(model, inclined(model, UP, lambda C, x: C * x, seed=seed))
+    assert not right.misreadings and right.verdict.status == "no_gap"

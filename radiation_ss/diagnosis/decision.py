@@ -1,7 +1,7 @@
 """The verdict, and the grounds that it follows from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -136,6 +136,16 @@ def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], r
         status, chance, sets = verdict(on, problem.model.dofs)
     return Answer(status, on.named if status == "effect" else (), float(chance), sets,
                   tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status, sets))
+
+
+def doubted(answer: Answer, dofs: Sequence[str]) -> Answer:
+    """Return an answer without names that what a column may be instead explains as well."""
+    if not answer.effects:
+        return answer
+    named = tuple(label(dofs, e.name, e.dof) for e in answer.effects)
+    return replace(answer, status="ambiguous", effects=(), probability=min(answer.probability, 0.5),
+                   indistinguishable=answer.indistinguishable or (named,),
+                   next_record="a known load and a known place by the same sensors")
 
 
 def verdict(on: Grounds, dofs: Sequence[str]) -> tuple[str, float, tuple[Names, ...]]:

@@ -14,19 +14,25 @@ from radiation_ss.records.signals import band_of, columns_of, compared, grid_of,
 from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
+from radiation_ss.units import FORCE, UNITS
 
 APART = 3.0  # Times that a force is off its motion from which on it is said: stiffness and inertia are off by less
 
 
 def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1,
-          by_waves: float = 2.5) -> Iterator[str]:
-    """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
-    One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit somewhat less than 3.
+          by_waves: float = 2.5) -> Iterator[tuple[str, float, str]]:
+    """Yield each motion whose force is APART times larger or smaller than it needs, F_i = sum Z_ij x_j: how many times,
+    and a sentence. One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit
+    somewhat less than 3. Of a static test all that `slopes` tells.
 
-    Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
-    stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
-    energy: less may be leakage or noise.
+    Else where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little,
+    and a stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the
+    force's energy: less may be leakage or noise.
     """
+    for i, times in slopes(model, record).items() if record.kind == "static" else ():
+        if not 1.0 / APART < times < APART:
+            dof = model.dofs[i]
+            yield dof, times, sentence(record, dof, f"{dof}_force", times, "")
     if (inputs := forces(model, record)) is None or not (motions := displacements(model, record)):
         return
     w = inputs[0][1:]
@@ -43,7 +49,18 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
         counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
         apart = APART if inputs[2] is None else by_waves
         if counts and correlation > alike and not 1.0 / apart < times < apart:
-            yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
+            source = "wave_elevation" if inputs[2] is not None else f"{dof}_force"
+            yield dof, times, sentence(record, dof, source, times)
+
+
+def in_unit(dof: str, times: float, near: float = 0.1) -> str:
+    """Word the units of force or of motion that make a force `times` what its motion needs; none gives ""."""
+    motion = motion_unit(dof)
+    said = [f"force in {unit} is {1.0 / one:.3g} times that in N" for unit, one in FORCE.items()
+            if one != 1.0 and abs(np.log(times * one)) < near]
+    said += [f"{dof} in {unit} is {1.0 / one:.3g} times that in {motion}" for unit, one in UNITS[motion].items()
+             if one != 1.0 and abs(np.log(times / one)) < near]
+    return " or ".join(said)
 
 
 def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:
@@ -51,9 +68,9 @@ def sentence(record: Record, dof: str, source: str, times: float, where: str = "
     unit = "m" if source == "wave_elevation" else force_unit(dof)
     made = "the force that X makes of it" if source == "wave_elevation" else "it"
     X = f"X ({force_unit(dof)} per metre of wave amplitude), " if source == "wave_elevation" else ""
-    kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
+    unit_said = f"; {known}" if (known := in_unit(dof, times)) else ""
     return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
-            f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
+            f"the force that the model's stiffness and inertia need for {dof}{where}{unit_said}; check "
             f"{X}the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
 
 

@@ -14,7 +14,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.force_checks import turned, turned_in_decay
 from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.pushes import let_go
-from radiation_ss.simulation.size_checks import APART, moved_by, moves_as, off_size, sentence, sizes, slopes, variance
+from radiation_ss.simulation.size_checks import moved_by, moves_as, off_size, sizes, slopes, variance
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -90,12 +90,11 @@ def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
     if record.kind == "static":
-        said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
-                for i, times in slopes(model, record).items() if not 1.0 / APART < times < APART]
+        said = [text for _, _, text in sizes(model, record)]
     else:
         kind, text = misread(model, [record]) or ("", "")
         told = kind in ("order", "sign")
-        large = [] if told else list(sizes(model, record))
+        large = [] if told else [text for _, _, text in sizes(model, record)]
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
                 *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
                 *(_apart(model, record) if slow_by_nature(record) else [])]
