@@ -114,9 +114,12 @@ def moves_as(model: Model, record: Record, dof: str) -> bool:
 
 
 def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
-    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times."""
+    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times.
+
+    A rig that prescribes a motion may hold the body where its model drifts.
+    """
     for dof, have, factor in against_model(model, record):
-        if factor is None:
+        if factor is None or (record.kind == "prescribed" and not model.C[model.dofs.index(dof)].any()):
             continue
         pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
         source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
