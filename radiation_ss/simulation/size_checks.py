@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -86,8 +86,9 @@ def faint(model: Model, moved: FloatArray, share: float = 1e-3) -> np.ndarray:
 def against_model(model: Model, record: Record,
                   coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
     """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
-    times as large it is where that is far off; noise, and motion of another cause, are less coherent. Of what a force
-    of its own drives only what rounding moves is left out, of the others what is faint.
+    times as large it is where that is far off, beside the free motions that a start makes; noise, and motion of another
+    cause, are less coherent. Of what a force of its own drives only what rounding moves is left out, of the others what
+    is faint.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
@@ -101,9 +102,13 @@ def against_model(model: Model, record: Record,
         order, column = have[0]
         omega, measured = spectrum_of(record, record.channels[column])
         predicted = spectrum_of(record, moved[i])[1] * omega**order
-        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
-        if np.abs(np.vdot(measured, predicted)) / size >= coherent:
-            yield dof, tuple(have), factor_between(omega, measured, predicted)
+        factor = factor_between(omega, measured, predicted)
+        if factor is not None:  # the start may explain it
+            free = _free(model, record, i) * omega**order
+            measured, predicted = (row - free.T @ np.linalg.lstsq(free.T, row)[0] for row in (measured, predicted))
+            factor = factor_between(omega, measured, predicted)
+        if _coherence(measured, predicted) >= coherent:
+            yield dof, tuple(have), factor
 
 
 def moves_as(model: Model, record: Record, dof: str) -> bool:
@@ -158,6 +163,17 @@ def _predicted(model: Model, record: Record) -> FloatArray | None:
     if rows is None or not rows.any():
         return None
     return moved_by(model, record, rows, np.zeros(model.fit.states + 2 * model.n))
+
+
+def _free(model: Model, record: Record, i: int) -> ComplexArray:
+    """Return the spectra of a displacement in the free motions from each place and velocity, (2n, nw)."""
+    still, states = np.zeros((model.n, record.time.size)), np.eye(model.fit.states + 2 * model.n)[model.fit.states:]
+    return np.stack([spectrum_of(record, moved_by(model, record, still, start)[i], spiky=False)[1] for start in states])
+
+
+def _coherence(one: ComplexArray, other: ComplexArray) -> float:
+    """Return the correlation of two spectra, in whatever phase."""
+    return float(np.abs(np.vdot(one, other)) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-300))
 
 
 def moved_by(model: Model, record: Record, force: FloatArray, start: FloatArray) -> FloatArray:

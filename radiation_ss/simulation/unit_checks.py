@@ -49,8 +49,8 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
     # Friction or a stop may hold a body that moves as the model where the force is larger, or that a static load heels.
     off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
         moves_as(model, other, dof) for other in records if other is not record)]
-    if record.kind == "prescribed":  # the force answers the motion
-        off = off or [text for _, times, text in sizes(model, record) if not 1.0 / FACTOR < times < FACTOR]
+    held = np.inf if record.kind != "prescribed" else FACTOR  # a rig that prescribes the motion overcomes friction
+    off = off or [text for _, times, text in sizes(model, record) if not 1.0 / FACTOR < times < held]
     if off := off + turned(model, record):
         kind, text = misread(model, [record]) or ("", "")
         yield from [text] if kind == "order" else off
