@@ -55,6 +55,8 @@ def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(t
         value, deviation = next(iter(effect.parameters.values()))
         assert abs(value - told[effect.name]) < max(3.0 * deviation, 0.03 * told[effect.name])
     assert found.how_far.gap_after < 0.02 and 0.003 < found.how_far.noise_floor < 0.02
+    assert ("% of the force" in found.sentence) == (found.verdict.status == "no_gap")
+    assert "of the motion" not in found.sentence
 
 
 @pytest.mark.parametrize("channel, gain, told", [("Heave_force", 1.2, 1.0 / 1.2 - 1.0), ("Heave", 1.15, 0.15)])

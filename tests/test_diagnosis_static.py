@@ -122,4 +122,4 @@ def test_a_load_in_another_unit_is_told_before_any_name(unit, newton, seed):
         (said,) = found.misreadings
         assert f"force in {unit} is" in said and found.sentence.startswith(f"First check {said}")
     right = rss.diagnose(model, inclined(model, UP, lambda C, x: C * x, seed=seed))
-    assert not right.misreadings and right.verdict.status == "no_gap"
+    assert not right.misreadings and right.verdict.status == "no_gap" and "% of the force" in right.sentence
