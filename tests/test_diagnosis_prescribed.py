@@ -7,6 +7,7 @@ from scipy.signal import lfilter, lsim, savgol_filter
 from seeds import some
 
 import radiation_ss as rss
+from radiation_ss.simulation import check_units
 
 TIME = np.arange(0.0, 40.0, 0.02)
 
@@ -54,6 +55,8 @@ def test_driven_heave_sway_and_roll_tell_effects_with_their_size_and_no_others(t
         value, deviation = next(iter(effect.parameters.values()))
         assert abs(value - told[effect.name]) < max(3.0 * deviation, 0.03 * told[effect.name])
     assert found.how_far.gap_after < 0.02 and 0.003 < found.how_far.noise_floor < 0.02
+    assert ("% of the force" in found.sentence) == (found.verdict.status == "no_gap")
+    assert "of the motion" not in found.sentence
 
 
 @pytest.mark.parametrize("channel, gain, told", [("Heave_force", 1.2, 1.0 / 1.2 - 1.0), ("Heave", 1.15, 0.15)])
@@ -417,3 +420,38 @@ def test_the_gain_of_one_of_two_coupled_motions_is_what_its_sensor_reads_more(ki
     (effect,) = rss.diagnose(model, record, effects=["sensor_gain"]).verdict.effects
     value, deviation = effect.parameters["gain"]
     assert effect.dof == "Heave" and abs(value - (times - 1.0)) < max(2.0 * deviation, 0.01) < 0.07
+
+
+@pytest.mark.parametrize("test", [HEAVE, SWAY, ROLL])
+@pytest.mark.parametrize("unit, newton", [("kgf", 9.80665), ("lbf", 4.4482216)])
+def test_no_name_is_sure_where_a_unit_of_the_force_explains_as_much(test, unit, newton):
+    dof, numbers, size, middle = test
+
+    def read(seed, share):
+        record = driven(dof, numbers, share * size, middle, lambda x, v: 0.0 * v, seed)
+        return record.with_channels(**{f"{dof}_force": record.channels[f"{dof}_force"] / newton})
+
+    found = rss.diagnose(model_of(dof, *numbers), [read(1, 0.8), read(2, 1.0)], withhold=[read(9, 0.9)])
+    assert found.verdict.status in ("ambiguous", "unknown_effect") and not found.verdict.effects
+    assert found.misreadings and unit in found.sentence.split("As the columns are read")[0]
+    assert found.sentence.startswith("First check record")
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("test", [HEAVE, SWAY, ROLL])
+@pytest.mark.parametrize("times", [1e-3, 1e3])
+def test_a_force_a_thousand_times_off_is_refused_in_every_driven_motion(test, times, seed):
+    dof, numbers, size, middle = test
+    model, record = model_of(dof, *numbers), driven(dof, numbers, size, middle, lambda x, v: 0.0 * v, seed)
+    check_units(model, [record])
+    with pytest.raises(rss.InputError, match=f"column {dof}_force or {dof}, .*check the units"):
+        check_units(model, [record.with_channels(**{f"{dof}_force": times * record.channels[f"{dof}_force"]})])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_moored_sway_moved_slowly_needs_what_its_lines_take_and_passes(seed):
+    """Springs of the rig that the model lacks take 200 times the inertia's force, against it."""
+    numbers, omega = SWAY[1], 0.4
+    x = 0.1 * np.cos(omega * TIME + seed)
+    force = (200.0 * 60.0 * omega**2) * x + 0.5 * np.random.default_rng(seed).standard_normal(TIME.size)
+    check_units(model_of("Sway", *numbers), [rss.Record(TIME, {"Sway": x, "Sway_force": force}, kind="prescribed")])

@@ -12,9 +12,9 @@ ORDERS = {"up": UP, "down": UP[::-1], "to both sides": np.array(sorted(UP, key=a
           "shuffled": np.random.default_rng(7).permutation(UP)}
 
 
-def inclined(model, degrees, law, *, name="inclining"):
+def inclined(model, degrees, law, *, name="inclining", seed=1):
     heel = np.deg2rad(degrees)
-    seen = heel + np.deg2rad(0.005) * np.random.default_rng(1).standard_normal(heel.size)
+    seen = heel + np.deg2rad(0.005) * np.random.default_rng(seed).standard_normal(heel.size)
     load = law(model.C[0, 0], heel)
     return rss.Record(np.arange(float(heel.size)), {"Roll": seen, "Roll_force": load}, kind="static", name=name)
 
@@ -94,3 +94,32 @@ def test_a_gain_is_what_the_sensor_reads_more_however_large_it_is(times):
     assert effect.parameters["gain"][0] == pytest.approx(times - 1.0, abs=0.02)
     left = rss.simulate(model, record, found.corrected).outputs[0] - heel
     assert np.linalg.norm(left) < 0.005 * np.linalg.norm(heel) and found.how_far.gap_after < 0.005
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", [0.15, 0.3, 4.0])
+def test_a_far_factor_of_load_and_place_is_no_more_a_stiffness_than_a_gain(share, seed):
+    """F = share C x: the three causes are one number however far it is from 1."""
+    model = rss.body(**SHIP)
+    record = inclined(model, UP, lambda C, x: share * C * x, seed=seed)
+    found = rss.diagnose(model, record)
+    same = {("linear_stiffness",), ("sensor_gain",), ("excitation_gain",)}
+    assert found.verdict.status == "ambiguous" and set(found.verdict.indistinguishable) >= same
+    assert 0.1 < found.verdict.probability < 0.5
+    if share < 1.0:  # of a rig whose cells are known
+        alone = rss.diagnose(model, record, effects=["linear_stiffness", "cubic_stiffness"])
+        assert [e.name for e in alone.verdict.effects] == ["linear_stiffness"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("unit, newton", [("kgf", 9.80665), ("lbf", 4.4482216)])
+def test_a_load_in_another_unit_is_told_before_any_name(unit, newton, seed):
+    model = rss.body(**SHIP)
+    record = inclined(model, UP, lambda C, x: C * x / newton, seed=seed)
+    for effects in (None, ["linear_stiffness"]):
+        found = rss.diagnose(model, record, effects=effects)
+        assert found.verdict.status == "ambiguous" and not found.verdict.effects and found.verdict.probability <= 0.5
+        (said,) = found.misreadings
+        assert f"force in {unit} is" in said and found.sentence.startswith(f"First check {said}")
+    right = rss.diagnose(model, inclined(model, UP, lambda C, x: C * x, seed=seed))
+    assert not right.misreadings and right.verdict.status == "no_gap" and "% of the force" in right.sentence

@@ -269,6 +269,24 @@ def test_no_answer_where_no_record_has_power():
     assert "the data speak at" in str(found)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_number_that_k_of_zero_makes_of_the_others_has_no_prior_to_be_told(seed):
+    """K(0) is the sum of numerators over denominators at zero: the first numerator is what makes it zero."""
+    companion = np.zeros((5, 5))
+    companion[:2, :2], companion[2:4, 2:4], companion[4, 4] = [[0, 1], [-30.0, -4.0]], [[0, 1], [-120.0, -3.0]], -5.0
+    c = np.array([[-40.0, 60.0, 80.0, 25.0, 5.0 * (40.0 / 30.0 - 80.0 / 120.0)]])  # of K(0) = 0
+    fit = RadiationFit(("Heave",), companion, np.array([[0.0, 1.0, 0.0, 1.0, 1.0]]).T, c, order=5)
+    start = tank().replace(fit=fit)
+    record, _ = sail(start, 40.0, np.random.default_rng(seed))
+    found = identify(start, record, "prediction-error", omega=BAND, draws=100)
+    rows = {line.split()[0]: line for line in str(found).splitlines() if " +- " in line and "[" not in line}
+    tied = [name for name in rows if "(model " in rows[name]]
+    assert "prior" not in "".join(rows[name] for name in tied) and not any("+- 0," in row for row in rows.values())
+    value = {name: float(row.split()[1]) for name, row in rows.items()}
+    parts = [value[name] / value[name.replace("r", "c", 1)] for name in value if name.startswith(("r0_", "r_"))]
+    assert tied and tied[0].startswith("r") and abs(sum(parts)) < 0.02 * np.abs(parts).max()
+
+
 def test_saved_form_is_the_interface_s(tmp_path, twenty_seconds):
     _, found = twenty_seconds
     found.save(tmp_path)

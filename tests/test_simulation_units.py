@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from identify_tank import sail, tank, with_waves
 from plant_bodies import tank_model
+from scipy.integrate import solve_ivp
 
 import radiation_ss as rss
 from benchmarks.heave_tank import sea_record
@@ -312,3 +313,31 @@ def test_a_motion_exchanged_with_the_elevation_is_told(seed):
     assert not other_readings(model, [record])
     said, = other_readings(model, [record.with_channels(Heave=waves, wave_elevation=heave)])
     assert "with Heave and wave_elevation exchanged the model leaves" in said
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("drag", [0.0, 3000.0])
+def test_a_release_on_top_of_waves_is_the_start_s_and_a_unit_is_still_told(seed, drag):
+    """Moored surge of 100 s that swings from 10 m in forces of 8 s, which move it by some centimetres."""
+    none, omega = np.zeros((0, 0)), 2.0 * np.pi / 100.0
+    model = rss.Model(("Surge",), [[1e5]], [[2e4]], [[1.2e5 * omega**2]], rss.RadiationFit(
+        ("Surge",), none, np.zeros((0, 1)), np.zeros((1, 0)), 0), D=[[0.06 * 1.2e5 * omega]])
+    rng, time = np.random.default_rng(seed), 0.4 * np.arange(1600)
+    w = 2.0 * np.pi / 8.0 * np.linspace(0.7, 1.5, 20)
+    phase = rng.uniform(0.0, 2.0 * np.pi, w.size)
+
+    def force(t):
+        return 700.0 * np.cos(np.multiply.outer(t, w) + phase).sum(axis=-1)
+
+    moved = solve_ivp(lambda t, s: [s[1], (force(t) - drag * s[1] * abs(s[1]) - model.D[0, 0] * s[1]
+                                           - model.C[0, 0] * s[0]) / 1.2e5],
+                      (0.0, time[-1]), [(-1.0) ** seed * 10.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-9).y[0]
+    surge = moved + 0.003 * rng.standard_normal(time.size)
+    record = Record(time, {"Surge": surge, "Surge_force": force(time)}, kind="forced", name="release")
+    check_units(model, [record])
+    assert not doubts(model, record)
+    for wrong in (record.with_channels(Surge_force=1e-3 * force(time)), record.with_channels(Surge=1e3 * surge)):
+        with pytest.raises(InputError, match="column Surge_force or Surge"):
+            check_units(model, [wrong])
+    said = " ".join(doubts(model, record.with_channels(Surge_force=1e3 * force(time))))
+    assert re.search("it is 9[0-9]{2} times the force", said) and "mN is 1e+03 times" in said

@@ -1,7 +1,7 @@
 """The verdict, and the grounds that it follows from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -60,6 +60,7 @@ class Grounds:
     none: float  # Probability that no effect is
     worth: float  # Most that a name can be worth, by what is left beside it and by what speaks against it
     contradiction: float  # By how much the model's coefficients contradict themselves
+    first: float  # Probability of the first set
     no_more: float  # Probability that none is beside those of the first set
     whole: bool  # Whether `named` is all that tells
     checked: bool  # Whether unseen records check a name: those of a known force
@@ -112,7 +113,8 @@ def grounds(found: Found, pair: Fitted, ledger: Budget, closed: FloatArray, own:
         named=tuple(named), slow=tuple(slow), zeros=tuple(off_zero(found, pair, closed, ledger, rules)),
         sets=tuple((*told, *(label(dofs, e.name, e.dof) for e in slow)) for told in sets),
         chance=joint(found, [(e.name, *places(e.dof)) for e in named]),
-        none=within(chances, ()), no_more=within(chances, sets[0]),
+        none=within(chances, ()), first=min(float(found.probabilities()[0]), chances[sets[0]]),
+        no_more=within(chances, sets[0]),
         worth=min(1.0 - max(rules.false_alarm, odd, data.contradiction), 1.0 / (1.0 + ledger.against),
                   *(e.inclusion for e in slow)),
         contradiction=data.contradiction, whole=named == telling, checked=bool(ledger.unseen),
@@ -131,14 +133,23 @@ def answered(on: Grounds, found: Found, ledger: Budget, hidden: Sequence[Key], r
     if slowly := pulled_slowly(problem) and not any(c.terms for c in found.candidates):
         status, chance, sets = "ambiguous", 0.0, tuple[Names, ...]()
     else:
-        status, chance, sets = verdict(on, found, problem.model.dofs)
+        status, chance, sets = verdict(on, problem.model.dofs)
     return Answer(status, on.named if status == "effect" else (), float(chance), sets,
                   tuple(sorted(untold)), next_record(kinds, problem.forced, "slow" if slowly else status, sets))
 
 
-def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float, tuple[Names, ...]]:
+def doubted(answer: Answer, dofs: Sequence[str]) -> Answer:
+    """Return an answer without names that what a column may be instead explains as well."""
+    if not answer.effects:
+        return answer
+    named = tuple(label(dofs, e.name, e.dof) for e in answer.effects)
+    return replace(answer, status="ambiguous", effects=(), probability=min(answer.probability, 0.5),
+                   indistinguishable=answer.indistinguishable or (named,),
+                   next_record="a known load and a known place by the same sensors")
+
+
+def verdict(on: Grounds, dofs: Sequence[str]) -> tuple[str, float, tuple[Names, ...]]:
     """Return no_gap, effect, ambiguous or unknown_effect with its probability and the sets beside it."""
-    first = float(found.probabilities()[0])
     if on.named and not on.checked:  # without a known force nothing checks a name
         return "ambiguous", min(on.chance, 0.5), on.sets
     if on.whole and (on.named or (on.slow and not on.doubtful)) and on.closes and not on.grows:
@@ -155,13 +166,13 @@ def verdict(on: Grounds, found: Found, dofs: Sequence[str]) -> tuple[str, float,
         apart = tuple((*clear, one) for one in on.sets[0] if one not in clear)
         sets = on.sets if len(on.sets) > 1 or not apart else apart
         # What predicts no better, and is not sure by itself, may as well be absent.
-        return "ambiguous", first, sets if on.shrinks or on.named else ((), *sets)
+        return "ambiguous", on.first, sets if on.shrinks or on.named else ((), *sets)
     if on.outside:
         return "unknown_effect", 1.0 - min(on.chance if on.named else 1.0 - on.none, on.worth), ()
     if on.moved and ((on.surprising and len(on.sets) > 1) or on.rather):
         # A number that is further off than its tolerance allows may be off itself, or by an effect like it; and that
         # nothing is there is no answer where that is rather not so.
-        return "ambiguous", first, on.sets if len(on.sets) > 1 else ((), *on.sets)
+        return "ambiguous", on.first, on.sets if len(on.sets) > 1 else ((), *on.sets)
     if on.zeros:  # of one record, say: no set of effects for all of them has it
         return "ambiguous", 0.5 * on.no_more, with_zeros(dofs, (), on.zeros)
     return "no_gap", on.no_more, ()

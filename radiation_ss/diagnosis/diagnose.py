@@ -9,7 +9,7 @@ from radiation_ss.arrays import FloatArray, generator, listed
 from radiation_ss.body.convert import as_model
 from radiation_ss.body.model import Model
 from radiation_ss.diagnosis.account import Data, Fitted, account, first, numbers, of_size, predictable
-from radiation_ss.diagnosis.decision import answered, grounds, named_effect
+from radiation_ss.diagnosis.decision import answered, doubted, grounds, named_effect
 from radiation_ss.diagnosis.left import all_right, left_by, put_right, remainder, retried
 from radiation_ss.diagnosis.prediction import Error, Predictor, clocks, gap_of, split
 from radiation_ss.diagnosis.result import Choice, Diagnosis, HowFar, Recalibrated
@@ -145,8 +145,9 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
         notes = [*notes, f"The model's coefficients are not symmetric or not passive by {data.contradiction:.0%} of "
                  "their largest damping where the body moves (hydro.check()): no name is surer than they are."]
     result = concluded(problem, found, hidden, data, rules)
-    if result.verdict.status not in ("no_gap", "effect"):
-        result = replace(result, misreadings=other_readings(model, raw))
+    status = result.verdict.status
+    if status != "no_gap" and (instead := other_readings(model, raw, of_units=status == "effect")):
+        result = replace(result, verdict=doubted(result.verdict, model.dofs), misreadings=instead)
     return result.with_notes([*notes, *clocks(result.predictions.get("corrected", ()), rules.matters,
                                               rules.unexplained)])
 

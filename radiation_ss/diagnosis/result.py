@@ -153,8 +153,8 @@ class Diagnosis(Shown):
     rules : Rules
     notes : tuple of str
     misreadings : tuple of str
-        What columns may be instead, of the notes, where no name is sure and the best set leaves a gap that matters: the
-        sentence begins with the first.
+        What columns may be instead, of the notes, where a gap matters and no name is sure: the sentence begins with the
+        first. None is sure where a known unit of a force or a motion explains the gap as well.
 
     Examples
     --------

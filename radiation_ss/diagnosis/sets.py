@@ -45,6 +45,8 @@ def unrivalled(found: Found, key: Key, sure: float) -> bool:
     rest = best.keys - {key}
     others = [c.log_probability for c in found.candidates
               if len(c.keys) == len(best.keys) and rest < c.keys != best.keys]
+    if len(instead(found, best.keys, key)) > 1:
+        return False
     return best.log_probability - max(others, default=-np.inf) >= np.log(sure / (1.0 - sure))
 
 
@@ -58,10 +60,31 @@ def told_sets(found: Found, kept: Keys) -> dict[Names, float]:
     small, zeroed = found.candidates[0].keys - kept, {dof for name, dof, _ in kept if name in shifting}
     chances: dict[Names, float] = {}
     for candidate, p in zip(found.candidates, found.probabilities()):
-        told = [k for k in candidate.keys - small if k[0] not in shifting or k[1] in zeroed]
-        labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b) for a, b, c in told))
-        chances[labels] = chances.get(labels, 0.0) + float(p)
+        told = frozenset(k for k in candidate.keys - small if k[0] not in shifting or k[1] in zeroed)
+        alike = [told]
+        for key in told:
+            alike = [keys for one in alike for keys in instead(found, one, key)]
+        for keys in alike:
+            labels = tuple(sorted(label(found.problem.model.dofs, a, f"{b},{c}" if c else b) for a, b, c in keys))
+            chances[labels] = chances.get(labels, 0.0) + float(p) / len(alike)
     return chances
+
+
+def instead(found: Found, keys: Keys, key: Key) -> list[Keys]:
+    """Return a set of effects, and those with what is the same as one of them in static tests alone.
+
+    Of a motion that the model restores, by itself alone, they give the ratio of load and place: stiffness and gains are
+    one factor.
+    """
+    problem, dofs = found.problem, found.problem.model.dofs
+    names = {"linear_stiffness", "excitation_gain", "sensor_gain"}
+    if key[0] not in names or key in found.null.keys or any(run.record.kind != "static" for run in problem.runs):
+        return [keys]
+    same = {term.key for term in found.terms if term.key[0] in names and term.key[1:] == key[1:]} - {key}
+    i = dofs.index(key[1])
+    if same & keys or list(np.flatnonzero(problem.model.C[i])) != [i]:
+        return [keys]
+    return [keys, *(keys - {key} | {one} for one in sorted(same))]
 
 
 def within(chances: Mapping[Names, float], names: Names) -> float:

@@ -44,7 +44,8 @@ class Identification(Shown):
         The subsystem of the mean parameters.
     parameters : dict
         name -> mean, std, prior_mean, prior_std, moved (change of the mean over the prior's standard deviation) and
-        resolved (1 - posterior variance / prior variance). `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`,
+        resolved (1 - posterior variance / prior variance); prior_std, moved and resolved are 0 where K(0) = 0 makes a
+        number of the others. `inertia [dof]`, `stiffness [dof]`, `sensor [dof]`,
         `force [dof]`: relative changes of the model's nominal numbers. `damping [dof]`: linear damping [SI] beside the
         model's and the waves', where the records ask for it; `damping [dof,dof]` between two bodies.
     sea : dict

@@ -192,7 +192,7 @@ def ledger(found: Diagnosis) -> Figure:
     bars = axis.barh(["as given", "recalibrated, no effect", "corrected", "noise"], values,
                      color=[style.VERMILION, style.ORANGE, style.BLUE, style.GREY])
     axis.bar_label(bars, fmt=" {:.2g} %")
-    axis.set(xlabel="gap on unseen data [% of the motion's rms]; shorter is better",
+    axis.set(xlabel=f"gap on unseen data [% of {what_of(found)}'s rms]; shorter is better",
              xlim=(0.0, 1.15 * max(float(np.nan_to_num(values).max()), 1e-9)))
     axis.invert_yaxis()
     return figure
@@ -215,20 +215,25 @@ def far_off(found: Diagnosis, times: float = 2.0) -> list[Recalibrated]:
     return [r for r in found.recalibrated if r.beyond > times and abs(r.value) > times * r.std]
 
 
+def what_of(found: Diagnosis) -> str:
+    """Return what a gap is a share of: the force where every unseen record is prescribed or static."""
+    return "the force" if {e.quantity for e in found.predictions.get("given", ())} == {"force"} else "the motion"
+
+
 def within_tolerance(found: Diagnosis) -> str:
     """Return what is said where there is no gap."""
-    h = found.how_far
+    h, what = found.how_far, what_of(found)
     if not found.budget.unseen:
         return "No gap that these records show; no force is known, so that no motion can be predicted"
     if h.gap_before < 1.5 * h.gap_after:
         least = min(h.gap_before, h.gap_after)
         noise = f"; noise of the records makes {h.noise_floor:.1%}" if h.noise_floor > 0.5 * least else ""
-        return f"No gap beyond noise and tolerances: the model predicts unseen data to {least:.1%} of the motion{noise}"
+        return f"No gap beyond noise and tolerances: the model predicts unseen data to {least:.1%} of {what}{noise}"
     if far_off(found):
         return ("The model's own numbers account for the gap: recalibrated it predicts unseen data to "
-                f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
+                f"{h.gap_after:.1%} of {what}, as given to {h.gap_before:.1%}")
     return (f"No gap beyond the tolerances: with numbers moved within them the model predicts unseen data to "
-            f"{h.gap_after:.1%} of the motion, as given to {h.gap_before:.1%}")
+            f"{h.gap_after:.1%} of {what}, as given to {h.gap_before:.1%}")
 
 
 def sentence(found: Diagnosis) -> str:
@@ -243,7 +248,7 @@ def sentence(found: Diagnosis) -> str:
 
 def verdict(found: Diagnosis) -> str:
     """Return the verdict in one sentence, with what the recalibration exceeds."""
-    v, h = found.verdict, found.how_far
+    v, h, what = found.verdict, found.how_far, what_of(found)
     names = " and ".join(described(e) for e in v.effects)
     noise = f" (noise alone makes {h.noise_floor:.1%})" if h.noise_floor > 0.5 * h.gap_after else ""
     first = with_which(found) if v.status == "ambiguous" and len(v.indistinguishable) > 1 else ""
@@ -275,13 +280,12 @@ def verdict(found: Diagnosis) -> str:
                      "shifts or a sensor's zero make it, these records do not tell")
     elif any(r.beyond > found.rules.plausible for r in found.recalibrated):
         told = ("A gap that no effect explains unless the model's own numbers are far beyond their tolerances: with "
-                f"them {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}")
+                f"them {h.gap_after:.1%} of {what} is left of {h.gap_before:.1%}")
     else:
-        told = f"A gap that the library does not explain: {h.gap_after:.1%} of the motion is left of {h.gap_before:.1%}"
+        told = f"A gap that the library does not explain: {h.gap_after:.1%} of {what} is left of {h.gap_before:.1%}"
     steady = found.budget.closed_by("offset", "")
     if steady > max(found.rules.matters, np.sqrt(0.5) * h.gap_after):
-        told += (f"; what is left is mostly a constant, {steady:.1%} of the motion: a zero that is off, or a steady "
-                 "force")
+        told += f"; what is left is mostly a constant, {steady:.1%} of {what}: a zero that is off, or a steady force"
     if far := far_off(found):
         most = max(far, key=lambda r: r.beyond)
         told += (f"; nominal {most.name} of {most.dof} recalibrated by {most.value:+.1%}, "

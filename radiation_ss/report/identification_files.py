@@ -104,8 +104,10 @@ def text(result: Identification) -> str:
                                for name, per, band in (("A", "", result.A), ("B", "/s", result.B)))
             lines.append(f"  {dof} at {result.omega[k]:.3g} rad/s: {values}; {result.information['data'][k]:.0%} of it "
                          "from the data")
-    rows = [f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (prior {p['prior_mean']:.5g} +- "
-            f"{p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved {100 * p['resolved']:.0f} %)"
+    rows = [f"  {name:>14s} {p['mean']:12.5g} +- {p['std']:.2g}  (" + (
+        f"prior {p['prior_mean']:.5g} +- {p['prior_std']:.2g}, moved {p['moved']:+.2f} sd, resolved "
+        f"{100 * p['resolved']:.0f} %)" if p["prior_std"] > 0.0 else
+        f"model {p['prior_mean']:.5g}; {'K(0) = 0 makes it of the others' if p['std'] > 0.0 else 'fixed'})")
             for name, p in result.parameters.items()]
     return "\n".join([*lines, "  parameters:", *rows, *(f"warning: {said}" for said in result.warnings)])
 

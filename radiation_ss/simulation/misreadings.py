@@ -1,4 +1,4 @@
-"""Whether a record fits the model far better with two columns exchanged, a sign turned, or its force in kgf."""
+"""Whether a record fits the model far better with two columns exchanged, a sign turned, or a force in another unit."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.records.signals import band_of, middle, spectrum_of
 from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.pushes import let_go
-from radiation_ss.simulation.size_checks import APART
+from radiation_ss.simulation.size_checks import APART, in_unit, sizes
 from radiation_ss.units import FORCE
 
 
@@ -94,22 +94,33 @@ def misread(model: Model, records: Sequence[Record], rules: ReadingRules = Readi
         f"the {alike[0].kind} of the columns")
 
 
-def other_readings(model: Model, records: Sequence[Record]) -> tuple[str, ...]:
+def other_readings(model: Model, records: Sequence[Record], of_units: bool = False) -> tuple[str, ...]:
     """Return a sentence for what the columns of records may be instead: another reading fits the model far better, or
     two sensors of one motion contradict each other. Of records of one kind and of the same columns, each or all.
+    `of_units`: only where a known unit of a force or a motion is it.
     """
     said, alike = list[str](), dict[tuple[str, frozenset[str]], list[Record]]()
     for record in records:
-        if record.kind != "static":
-            alike.setdefault((record.kind, frozenset(record.channels)), []).append(record)
-    for group in alike.values():
+        alike.setdefault((record.kind, frozenset(record.channels)), []).append(record)
+    for (kind, _), group in alike.items():
+        if kind == "static":
+            said += [f"record {record.name}, {text}" for record in group for text in _by_unit(model, record)]
+            continue
         found = [(record, misread(model, [record])) for record in group]
         if len(group) > 1 and not any(text for _, text in found) and (all_of := misread(model, group)):
-            said.append(f"records {', '.join(record.name for record in group)}, {all_of[1]}")
-            continue
-        said += [f"record {record.name}, {text}" for record, other in found for text in (
-            [other[1]] if other else [text for dof in model.dofs for text in column_doubts(record, dof)])]
+            found, name = [], f"records {', '.join(record.name for record in group)}"
+            said += [f"{name}, {all_of[1]}"] if all_of[0] == "unit" or not of_units else []
+        for record, other in found:
+            texts = [other[1]] if other and (other[0] == "unit" or not of_units) else _by_unit(model, record)
+            if not (texts or other or of_units):
+                texts = [text for dof in model.dofs for text in column_doubts(record, dof)]
+            said += [f"record {record.name}, {text}" for text in texts]
     return tuple(said)
+
+
+def _by_unit(model: Model, record: Record) -> list[str]:
+    """Return a sentence for each force whose size a known unit explains, of it or of the motion."""
+    return [text for dof, times, text in sizes(model, record) if in_unit(dof, times)]
 
 
 def _spectra(model: Model, records: Sequence[Record]) -> Spectra | None:
@@ -167,7 +178,8 @@ def _readings(model: Model, record: Record, known: list[int], waves: bool) -> It
     for sets in (known,) * bool(known) if waves or len(known) < 2 else (known, *([i] for i in known)):
         columns = ("wave_elevation",) if waves else tuple(f"{model.dofs[i]}_force" for i in sets)
         what = "the model's X" if waves else " and ".join(columns)
-        for times, words in ((FORCE["kgf"], "taken from kgf to N"), (1.0 / FORCE["kgf"], "divided by 9.81")):
+        for times, words in ((FORCE["kgf"], "taken from kgf to N"), (FORCE["lbf"], "taken from lbf to N"),
+                             (1.0 / FORCE["kgf"], "divided by 9.81")):
             yield Reading("unit", columns, f"{what} {words}", eye,
                           np.diag([times if i in sets else 1.0 for i in range(model.n)]))
 

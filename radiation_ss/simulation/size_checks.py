@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from radiation_ss.arrays import FloatArray
+from radiation_ss.arrays import ComplexArray, FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.hydro.data import force_unit, motion_unit
@@ -14,19 +14,25 @@ from radiation_ss.records.signals import band_of, columns_of, compared, grid_of,
 from radiation_ss.simulation.force_checks import displacements, forces
 from radiation_ss.simulation.linear import exact_step, propagate
 from radiation_ss.simulation.prepared import exciting_force
+from radiation_ss.units import FORCE, UNITS
 
 APART = 3.0  # Times that a force is off its motion from which on it is said: stiffness and inertia are off by less
 
 
 def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, share: float = 0.1,
-          by_waves: float = 2.5) -> Iterator[str]:
-    """Yield a sentence for each force that is APART times larger or smaller than the motion needs, F_i = sum Z_ij x_j.
-    One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit somewhat less than 3.
+          by_waves: float = 2.5) -> Iterator[tuple[str, float, str]]:
+    """Yield each motion whose force is APART times larger or smaller than it needs, F_i = sum Z_ij x_j: how many times,
+    and a sentence. One that X makes of the elevation from `by_waves` times on: noise leaves an X of another unit
+    somewhat less than 3. Of a static test all that `slopes` tells.
 
-    Where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little, and a
-    stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the force's
-    energy: less may be leakage or noise.
+    Else where of stiffness and inertia terms `far` remains of their sum: there damping, friction and drag do little,
+    and a stiffness 44 % off changes the ratio by less than APART. With a correlation `alike`, and a `share` of the
+    force's energy: less may be leakage or noise.
     """
+    for i, times in slopes(model, record).items() if record.kind == "static" else ():
+        if not 1.0 / APART < times < APART:
+            dof = model.dofs[i]
+            yield dof, times, sentence(record, dof, f"{dof}_force", times, "")
     if (inputs := forces(model, record)) is None or not (motions := displacements(model, record)):
         return
     w = inputs[0][1:]
@@ -43,7 +49,18 @@ def sizes(model: Model, record: Record, far: float = 0.5, alike: float = 0.8, sh
         counts = np.sum(np.abs(force[band]) ** 2) >= share * np.sum(np.abs(force) ** 2)
         apart = APART if inputs[2] is None else by_waves
         if counts and correlation > alike and not 1.0 / apart < times < apart:
-            yield sentence(record, dof, "wave_elevation" if inputs[2] is not None else f"{dof}_force", times)
+            source = "wave_elevation" if inputs[2] is not None else f"{dof}_force"
+            yield dof, times, sentence(record, dof, source, times)
+
+
+def in_unit(dof: str, times: float, near: float = 0.1) -> str:
+    """Word the units of force or of motion that make a force `times` what its motion needs; none gives ""."""
+    motion = motion_unit(dof)
+    said = [f"force in {unit} is {1.0 / one:.3g} times that in N" for unit, one in FORCE.items()
+            if one != 1.0 and abs(np.log(times * one)) < near]
+    said += [f"{dof} in {unit} is {1.0 / one:.3g} times that in {motion}" for unit, one in UNITS[motion].items()
+             if one != 1.0 and abs(np.log(times / one)) < near]
+    return " or ".join(said)
 
 
 def sentence(record: Record, dof: str, source: str, times: float, where: str = ", away from resonance") -> str:
@@ -51,9 +68,9 @@ def sentence(record: Record, dof: str, source: str, times: float, where: str = "
     unit = "m" if source == "wave_elevation" else force_unit(dof)
     made = "the force that X makes of it" if source == "wave_elevation" else "it"
     X = f"X ({force_unit(dof)} per metre of wave amplitude), " if source == "wave_elevation" else ""
-    kilograms = "; force in kgf is 0.102 times that in N" if abs(np.log(times * 9.81)) < 0.1 else ""
+    unit_said = f"; {known}" if (known := in_unit(dof, times)) else ""
     return (f"column {source} or {dof}, all {record.time.size} rows: {made} is {times:.3g} times "
-            f"the force that the model's stiffness and inertia need for {dof}{where}{kilograms}; check "
+            f"the force that the model's stiffness and inertia need for {dof}{where}{unit_said}; check "
             f"{X}the units ({source} in {unit}, {dof} in {motion_unit(dof)}), and the model's mass and stiffness")
 
 
@@ -69,8 +86,9 @@ def faint(model: Model, moved: FloatArray, share: float = 1e-3) -> np.ndarray:
 def against_model(model: Model, record: Record,
                   coherent: float = 0.2) -> Iterator[tuple[str, tuple[tuple[int, str], ...], float | None]]:
     """Yield each motion that is coherent with the model's under the record's force, with its columns, and how many
-    times as large it is where that is far off; noise, and motion of another cause, are less coherent. Of what a force
-    of its own drives only what rounding moves is left out, of the others what is faint.
+    times as large it is where that is far off, beside the free motions that a start makes; noise, and motion of another
+    cause, are less coherent. Of what a force of its own drives only what rounding moves is left out, of the others what
+    is faint.
     """
     moved = None if record.kind in ("decay", "motion-only", "static") else _predicted(model, record)
     if moved is None:
@@ -84,9 +102,13 @@ def against_model(model: Model, record: Record,
         order, column = have[0]
         omega, measured = spectrum_of(record, record.channels[column])
         predicted = spectrum_of(record, moved[i])[1] * omega**order
-        size = max(float(np.linalg.norm(measured) * np.linalg.norm(predicted)), 1e-300)
-        if np.abs(np.vdot(measured, predicted)) / size >= coherent:
-            yield dof, tuple(have), factor_between(omega, measured, predicted)
+        factor = factor_between(omega, measured, predicted)
+        if factor is not None:  # the start may explain it
+            free = _free(model, record, i) * omega**order
+            measured, predicted = (row - free.T @ np.linalg.lstsq(free.T, row)[0] for row in (measured, predicted))
+            factor = factor_between(omega, measured, predicted)
+        if _coherence(measured, predicted) >= coherent:
+            yield dof, tuple(have), factor
 
 
 def moves_as(model: Model, record: Record, dof: str) -> bool:
@@ -97,9 +119,12 @@ def moves_as(model: Model, record: Record, dof: str) -> bool:
 
 
 def off_size(model: Model, record: Record) -> Iterator[tuple[str, float, str]]:
-    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times."""
+    """Yield each motion that is far larger or smaller than the model's under the record's force: how many times.
+
+    A rig that prescribes a motion may hold the body where its model drifts.
+    """
     for dof, have, factor in against_model(model, record):
-        if factor is None:
+        if factor is None or (record.kind == "prescribed" and not model.C[model.dofs.index(dof)].any()):
             continue
         pushed = [name for name in model.dofs if f"{name}_force" in record.channels]
         source = (f"{dof}_force" if dof in pushed else "the other degrees of freedom's force" if pushed
@@ -138,6 +163,17 @@ def _predicted(model: Model, record: Record) -> FloatArray | None:
     if rows is None or not rows.any():
         return None
     return moved_by(model, record, rows, np.zeros(model.fit.states + 2 * model.n))
+
+
+def _free(model: Model, record: Record, i: int) -> ComplexArray:
+    """Return the spectra of a displacement in the free motions from each place and velocity, (2n, nw)."""
+    still, states = np.zeros((model.n, record.time.size)), np.eye(model.fit.states + 2 * model.n)[model.fit.states:]
+    return np.stack([spectrum_of(record, moved_by(model, record, still, start)[i], spiky=False)[1] for start in states])
+
+
+def _coherence(one: ComplexArray, other: ComplexArray) -> float:
+    """Return the correlation of two spectra, in whatever phase."""
+    return float(np.abs(np.vdot(one, other)) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-300))
 
 
 def moved_by(model: Model, record: Record, force: FloatArray, start: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from radiation_ss.records.record import Record
 from radiation_ss.simulation.force_checks import turned, turned_in_decay
 from radiation_ss.simulation.misreadings import misread
 from radiation_ss.simulation.pushes import let_go
-from radiation_ss.simulation.size_checks import APART, moved_by, moves_as, off_size, sentence, sizes, slopes, variance
+from radiation_ss.simulation.size_checks import moved_by, moves_as, off_size, sizes, slopes, variance
 
 
 def check_units(model: Model, records: Sequence[Record]) -> None:
@@ -49,6 +49,8 @@ def _conflicts(model: Model, record: Record, records: Sequence[Record]) -> Itera
     # Friction or a stop may hold a body that moves as the model where the force is larger, or that a static load heels.
     off = [text for dof, factor, text in off_size(model, record) if factor > 1.0 or not any(
         moves_as(model, other, dof) for other in records if other is not record)]
+    held = np.inf if record.kind != "prescribed" else FACTOR  # a rig that prescribes the motion overcomes friction
+    off = off or [text for _, times, text in sizes(model, record) if not 1.0 / FACTOR < times < held]
     if off := off + turned(model, record):
         kind, text = misread(model, [record]) or ("", "")
         yield from [text] if kind == "order" else off
@@ -90,12 +92,11 @@ def _lasting(model: Model, record: Record, fall: float = 10.0) -> Iterator[str]:
 def doubts(model: Model, record: Record) -> tuple[str, ...]:
     """Return a sentence for each thing that a result from this record cannot be trusted for."""
     if record.kind == "static":
-        said = [sentence(record, model.dofs[i], f"{model.dofs[i]}_force", times, "")
-                for i, times in slopes(model, record).items() if not 1.0 / APART < times < APART]
+        said = [text for _, _, text in sizes(model, record)]
     else:
         kind, text = misread(model, [record]) or ("", "")
         told = kind in ("order", "sign")
-        large = [] if told else list(sizes(model, record))
+        large = [] if told else [text for _, _, text in sizes(model, record)]
         said = [*_short(model, record), *_gravity(model, record), *_paced(model, record),
                 *(large or filter(None, [text])), *(text for _, _, text in off_size(model, record)),
                 *(_apart(model, record) if slow_by_nature(record) else [])]
