@@ -34,7 +34,7 @@ def not_causal(data: HydroData) -> FloatArray:
     A, B = (0.5 * (part + np.swapaxes(part, 1, 2)) for part in (data.A, data.B))
     for i, j in np.argwhere(either.any(axis=0)):
         there = either[:, i, j] == 0.0
-        for values in (A, B):
+        for values in (A, B) if there.any() else ():
             values[~there, i, j] = np.interp(data.omega[~there], data.omega[there], values[there, i, j])
     return np.maximum(either, nearby(broken(data.omega, A, B), 1) / np.outer(size, size))
 
@@ -45,12 +45,13 @@ def wrong_values(data: HydroData, causal: float = 0.5) -> FloatArray:
     Near it K breaks it by a share `causal` of the spike at least: a body's own peak, however narrow, does not. Smaller
     spikes are found beside larger ones.
     """
-    near, found = nearby(broken(data.omega, data.A, data.B), 2), np.zeros((data.omega.size, data.n))
+    A, B = (np.einsum("wii->wi", part)[:, :, None] for part in (data.A, data.B))
+    near, found = nearby(broken(data.omega, A, B), 2)[:, :, 0], np.zeros((data.omega.size, data.n))
     for i in range(data.n if data.omega.size >= FEWEST else 0):
         K, off = data.K[:, i, i], found[:, i]
         while (size := np.abs(K[off == 0.0]).max(initial=0.0)) > 0.0:
             apart = size * spikes(data.omega, K / size)
-            new = (off == 0.0) & (apart > 0.0) & (near[:, i, i] > causal * apart)
+            new = (off == 0.0) & (apart > 0.0) & (near[:, i] > causal * apart)
             off[new] = apart[new]
             if not new.any() or np.count_nonzero(off == 0.0) < FEWEST:
                 break
@@ -72,7 +73,7 @@ def together(off: NDArray[np.bool_]) -> FloatArray:
 
 
 def broken(omega: FloatArray, A: FloatArray, B: FloatArray) -> FloatArray:
-    """Return how much of each |K| breaks Kramers-Kronig, (nw, n, n); 0 of less than `FEWEST` samples.
+    """Return how much of each |K| breaks Kramers-Kronig, of the shape (nw, ..., ...) of A; 0 of too few samples.
 
     It is w |A - A_inf - what B implies| beyond what the damping above the band may add, which is as unsure as the share
     of all damping is large that lies there. Where that is most of it and shows no decay, nothing is known.
