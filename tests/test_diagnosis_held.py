@@ -114,3 +114,19 @@ def test_what_a_fit_leaves_out_of_its_data_is_no_gap_of_a_prescribed_motion(seed
             for name, y in (("Heave", x), ("Heave_force", force))}
     found = rss.diagnose(poor, rss.Record(time, read, kind="prescribed"), ["linear_damping", "added_inertia"])
     assert found.verdict.status == "no_gap" and found.how_far.gap_before < 0.015 < poor.fit.relative_error
+
+
+@pytest.mark.parametrize("seed", some([0, 1, 2]))
+def test_a_single_frequency_is_no_reason_for_a_gain(seed):
+    """Beside it there is the sensor's noise alone, which a body without inertia would explain."""
+    rng, omega, time = np.random.default_rng(seed), 4.5, np.arange(0.0, 40.0, 0.02)
+    s = 1j * omega
+    Z = s**2 * 70.0 + s * KERNEL[0, 0] * s / (s**2 + 3.0 * s + 20.0) + STIFFNESS[0, 0]
+    records = []
+    for size in (0.02, 0.06, 0.04):
+        x, force = (np.real(p * np.exp(s * time)) for p in (size, Z * size))
+        read = {"Heave": x + 0.005 * np.std(x) * rng.standard_normal(time.size),
+                "Heave_force": force + 0.01 * np.std(force) * rng.standard_normal(time.size)}
+        records.append(rss.Record(time, read, kind="prescribed", name=f"{size}"))
+    found = rss.diagnose(model(), records[:2], withhold=records[2])
+    assert found.verdict.status == "no_gap"

@@ -26,8 +26,8 @@ from radiation_ss.inference.rows import (
     jacobian_weight,
     local_size,
     moved,
-    only_noise,
     powers,
+    rather_noise,
     relative_gap,
     rows_of,
     spectral_groups,
@@ -63,13 +63,14 @@ def equation_error(model: Model, runs: Sequence[MeasuredMotion], tolerance: Mapp
                             np.full(spectra, discrepancy.spectrum)])
     ambient = np.concatenate([discrepancy.ambient * by_band, np.full(n, discrepancy.sensors),
                               np.full(spectra, discrepancy.ambient * 0.05)])
-    power = powers(places, runs, scale, discrepancy.saturation) * ~only_noise(model, runs, places, error, noise)
-    weight, (fine, kind) = jacobian_weight(places, runs, power, n), bins_of(places, runs, count, n)
+    power, quiet = powers(places, runs, scale, discrepancy.saturation), rather_noise(model, runs, places, error, noise)
+    weight, (fine, kind) = jacobian_weight(places, runs, power * ~quiet, n), bins_of(places, runs, count, n)
     ties = tied(model, runs, places, scale, noise, discrepancy.mixing)
     rows = Rows(error if ties is None else ties @ error, noise, scale, steady, group, sensor, share, ambient, power,
                 weight, fine, kind, tuple(p.rows for p in places), spectra)
-    empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap,
-                          {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}, discrepancy, ties)
+    scales = {dof: scales_of(model, runs, i) for i, dof in enumerate(model.dofs)}
+    empty = EquationError(model, tuple(runs), rows, nothing(count, weight.size), (), places, gap, scales, discrepancy,
+                          ties, quiet)
     base, labels = base_columns(empty, tolerance, discrepancy)
     own = tuple(own_columns(empty, r, tolerance, discrepancy) for r in range(len(runs)))
     return replace(empty, base=base, labels=labels, rows=replace(rows, own=own))

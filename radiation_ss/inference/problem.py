@@ -62,6 +62,7 @@ class EquationError:
     scales: Mapping[str, Scales] = field(default_factory=dict)  # mapping of dof to Scales
     discrepancy: Discrepancy = field(default_factory=Discrepancy)
     ties: csr_array | None = None  # (N, N): What each row is with multiples of other motions' rows added: see `tied`
+    quiet: np.ndarray | None = None  # (N,): Rows that tell the size of noise alone, see `rather_noise`
 
     @cached_property
     def _symbols(self) -> dict[tuple[int, str, str], Symbols]:
@@ -213,6 +214,8 @@ class Filling:
 
     def columns(self, spread: float, lower: float = -np.inf, factor: int = 0) -> Columns:
         """Return the column."""
+        if self.problem.quiet is not None:
+            self.values[self.problem.quiet] = 0.0
         return Columns(self.problem.mixed(self.values), np.array([spread]), np.array([lower]), np.array([factor]),
                        csc_array(np.concatenate(self.relative)[:, None]))
 

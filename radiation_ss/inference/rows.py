@@ -212,19 +212,20 @@ def powers(places: Sequence[Place], runs: Sequence[MeasuredMotion], scale: Float
     return power
 
 
-def only_noise(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], error: FloatArray,
-               noise: FloatArray, sure: float = 3.0) -> np.ndarray:
-    """Return the rows (N,) of motions set by a machine that show no motion, nor a force, beyond the sensors' noise.
+def rather_noise(model: Model, runs: Sequence[MeasuredMotion], places: Sequence[Place], error: FloatArray,
+                 noise: FloatArray, clear: float = 10.0) -> np.ndarray:
+    """Return the rows (N,) of motions set by a machine in which their sensors' noise is no small part.
 
-    Neither the force that the measured motion needs nor the measured one is `sure` standard deviations large there.
-    Such a row would be fitted the better the less force a model makes of any motion: its noise is another then.
+    Neither the force that the measured motion needs nor the measured one is `clear` times the noise's deviation there.
+    Such rows would be fitted the better the less force a model makes of any motion, since its noise is less then, too.
+    They tell how large noise is, and no strength; where they are clear a strength is biased by a hundredth at most.
     """
     found = np.zeros(error.size, dtype=bool)
     for place in places:
         run, rows = runs[place.record], place.rows
         if run.record.kind == "prescribed" and place.order < 0:
             needed = moved(model, run, place, run.raw, run.memory)
-            found[rows] = np.maximum(np.abs(needed), np.abs(needed - error[rows])) < sure * np.sqrt(noise[rows])
+            found[rows] = np.maximum(np.abs(needed), np.abs(needed - error[rows])) < clear * np.sqrt(noise[rows])
     return found
 
 
