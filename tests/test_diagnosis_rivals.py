@@ -1,6 +1,5 @@
 """Wrong zeros beside a cause, which no record tells from a steady force, and a motion that a sensor cannot see."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -157,8 +156,8 @@ def test_effects_that_stand_out_are_in_every_set_of_those_that_stand_for_each_ot
     names = ("excitation_delay", "hysteresis", "sensor_delay", "tank_resonance")
     grounds = Grounds(tuple(Named(name, "Heave", {}, {}, 1.0) for name in clear), (), (), (names,), 1.0, 0.0, 0.9, 0.0,
                       whole=False, checked=True, matter=True, shrinks=True, grows=False, closes=True, outside=False,
-                      plausible=True, moved=False, surprising=False, no_more=0.4)
-    status, _, sets = verdict(grounds, SimpleNamespace(probabilities=lambda: [1.0]), ["Heave"])
+                      plausible=True, moved=False, surprising=False, no_more=0.4, first=1.0)
+    status, _, sets = verdict(grounds, ["Heave"])
     assert status == "ambiguous" and all(told[:-1] == clear for told in sets)
     assert {told[-1] for told in sets} == set(names) - set(clear)
 
@@ -168,16 +167,16 @@ def test_a_sure_effect_is_never_no_gap_where_the_unseen_gap_stays(outside, told)
     """What the rows bear out may not predict: of impacts, a motion soon goes another way."""
     grounds = Grounds((Named("end_stop", "Heave", {}, {}, 1.0),), (), (), (("end_stop",),), 1.0, 0.0, 0.0, 0.0,
                       whole=True, checked=True, matter=True, shrinks=False, grows=False, closes=False, outside=outside,
-                      plausible=True, moved=False, surprising=False, no_more=0.4)
-    status, _, sets = verdict(grounds, SimpleNamespace(probabilities=lambda: [1.0]), ["Heave"])
+                      plausible=True, moved=False, surprising=False, no_more=0.4, first=1.0)
+    status, _, sets = verdict(grounds, ["Heave"])
     assert status == told and sets == ((("end_stop",),) if told == "ambiguous" else ())
 
 
 def test_what_predicts_unseen_records_no_better_may_be_absent():
     grounds = Grounds((), (), (), (("relative_stiffness",), ("coupling_stiffness",)), 0.0, 0.1, 0.9, 0.0, whole=False,
                       checked=True, matter=True, shrinks=False, grows=True, closes=False, outside=False, plausible=True,
-                      moved=False, surprising=False, no_more=0.4)
-    status, _, sets = verdict(grounds, SimpleNamespace(probabilities=lambda: [0.5]), ["Heave"])
+                      moved=False, surprising=False, no_more=0.4, first=0.5)
+    status, _, sets = verdict(grounds, ["Heave"])
     assert status == "ambiguous" and sets == ((), ("relative_stiffness",), ("coupling_stiffness",))
 
 
@@ -185,8 +184,8 @@ def test_what_predicts_unseen_records_no_better_may_be_absent():
 def test_that_nothing_is_there_is_no_answer_where_it_is_rather_not_so(sets):
     grounds = Grounds((), (), (), sets, 0.0, 0.4, 0.9, 0.0, whole=True, checked=True, matter=False, shrinks=True,
                       grows=False, closes=True, outside=False, plausible=True, moved=True, surprising=False,
-                      no_more=0.4)
-    status, chance, told = verdict(grounds, SimpleNamespace(probabilities=lambda: [0.4]), ["Heave"])
+                      no_more=0.4, first=0.4)
+    status, chance, told = verdict(grounds, ["Heave"])
     assert (status, chance, told) == ("ambiguous", 0.4, ((), ("linear_stiffness",)))
 
 
@@ -194,8 +193,8 @@ def test_effects_that_close_a_gap_against_each_other_are_unknown():
     grounds = Grounds((Named("cubic_stiffness", "Roll", {}, {}, 1.0),), (), (),
                       (("cubic_stiffness", "quintic_stiffness"),), 0.9, 0.0, 0.45, 0.0, whole=True, checked=True,
                       matter=True, shrinks=True, grows=False, closes=True, outside=False, plausible=True, moved=False,
-                      surprising=False, no_more=0.4)
-    assert verdict(grounds, SimpleNamespace(probabilities=lambda: [0.9]), ["Roll"]) == ("unknown_effect", 0.55, ())
+                      surprising=False, no_more=0.4, first=0.9)
+    assert verdict(grounds, ["Roll"]) == ("unknown_effect", 0.55, ())
 
 
 @pytest.mark.parametrize("seed", some([2, 4]))

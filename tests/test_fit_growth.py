@@ -85,15 +85,12 @@ def test_an_entry_has_the_port_form_of_its_own_signature(n1, n2):
     assert_allclose(frequency_response(*found, found[1].T, OMEGA), K, atol=1e-4 * np.abs(K).max(), rtol=0.0)
 
 
-def test_a_spike_of_a_coupling_is_not_causal():
+def test_a_spike_of_a_coupling_that_is_not_reciprocal_is_not_followed():
     clean = array_of(2).replace(dofs=("a", "b"))
-    size = 0.3 * np.abs(clean.B).max()
-    for entries in ([], [(0, 1)], [(0, 1), (1, 0)]):
-        B = clean.B.copy()
-        for i, j in entries:
-            B[10, i, j] += size
-        found = {(s.kind, s.force, s.velocity) for s in rss.fit_radiation(clean.replace(B=B), 2).suspects}
-        assert (("not causal", "a", "b") in found) is bool(entries) and ("not causal", "a", "a") not in found
+    B, fit = clean.B.copy(), rss.fit_radiation(clean, 2)
+    B[10, 0, 1] += 0.3 * np.abs(clean.B).max()
+    K, other = (f.frequency_response(clean.omega) for f in (fit, rss.fit_radiation(clean.replace(B=B), 2)))
+    assert np.linalg.norm(other - K) < 0.01 * np.linalg.norm(K)
 
 
 @pytest.mark.filterwarnings("ignore:.*with the values met that were asked for")
@@ -210,9 +207,8 @@ def test_what_the_fit_leaves_out_is_said():
     assert rss.audit(fit, data).relative_error == pytest.approx(fit.whole_error, rel=1e-6)
     # Modes of one's own have units of their own: a small one is not noise.
     own = data.replace(dofs=("Surge", "Sway", "bending"))
-    noisy = rss.fit_radiation(own, 2)
-    assert ("bending",) in noisy.blocks
-    assert any(note.startswith("bending: more than half of the samples break Kramers-Kronig") for note in noisy.notes)
+    with pytest.warns(rss.errors.InputWarning, match="does not follow K of bending"):
+        assert ("bending",) in rss.fit_radiation(own, 2).blocks
     B[:, 0, 1] += 5.0 * np.abs(B).max()
     with pytest.warns(rss.errors.InputWarning, match="does not follow K of Surge"):
         notes = rss.fit_radiation(data.replace(B=B), 3).notes

@@ -24,10 +24,11 @@ def scales(data: HydroData, silence: float = 1e-5) -> FloatArray:
     return np.where(size > silence * largest, np.sqrt(size), np.inf)
 
 
-def not_causal(data: HydroData) -> FloatArray:
+def not_causal(data: HydroData, within: float = 0.1) -> FloatArray:
     """Return how much of each |K| no causal body has, over s_i s_j, (nw, n, n): what breaks Kramers-Kronig, and spikes.
 
-    One spike of B breaks it everywhere: the rest is judged with these bridged. K is the mean of it and its transpose.
+    One spike of B breaks it everywhere: the rest is judged with these bridged. `within`: accuracy of the relation for
+    samples of a band that ends. K is the mean of it and its transpose.
     """
     off, size = wrong_values(data), scales(data)
     either = np.maximum((off / size**2)[:, :, None], (off / size**2)[:, None, :])
@@ -36,7 +37,7 @@ def not_causal(data: HydroData) -> FloatArray:
         there = either[:, i, j] == 0.0
         for values in (A, B) if there.any() else ():
             values[~there, i, j] = np.interp(data.omega[~there], data.omega[there], values[there, i, j])
-    return np.maximum(either, nearby(broken(data.omega, A, B), 1) / np.outer(size, size))
+    return np.maximum(either, nearby(broken(data.omega, A, B), 1) / np.outer(size, size) - within)
 
 
 def wrong_values(data: HydroData, causal: float = 0.5) -> FloatArray:
@@ -46,7 +47,7 @@ def wrong_values(data: HydroData, causal: float = 0.5) -> FloatArray:
     spikes are found beside larger ones.
     """
     A, B = (np.einsum("wii->wi", part)[:, :, None] for part in (data.A, data.B))
-    near, found = nearby(broken(data.omega, A, B), 2)[:, :, 0], np.zeros((data.omega.size, data.n))
+    near, found = nearby(broken(data.omega, A, B, True), 2)[:, :, 0], np.zeros((data.omega.size, data.n))
     for i in range(data.n if data.omega.size >= FEWEST else 0):
         K, off = data.K[:, i, i], found[:, i]
         while (size := np.abs(K[off == 0.0]).max(initial=0.0)) > 0.0:
@@ -72,17 +73,20 @@ def together(off: NDArray[np.bool_]) -> FloatArray:
     return np.maximum(after - before, 1).astype(np.float64)
 
 
-def broken(omega: FloatArray, A: FloatArray, B: FloatArray) -> FloatArray:
+def broken(omega: FloatArray, A: FloatArray, B: FloatArray, spiky: bool = False) -> FloatArray:
     """Return how much of each |K| breaks Kramers-Kronig, of the shape (nw, ..., ...) of A; 0 of too few samples.
 
-    It is w |A - A_inf - what B implies| beyond what the damping above the band may add, which is as unsure as the share
-    of all damping is large that lies there. Where that is most of it and shows no decay, nothing is known.
+    It is w |A - A_inf - what B implies| beyond what is unsure of that: what the damping above the band may add, by the
+    share of all damping that lies there, everything where that is most of it and shows no decay; and, but for `spiky`
+    data, the change by every second sample alone, large where a peak is as narrow as the steps.
     """
     if omega.size < FEWEST:
         return np.zeros_like(A)
     beside, _ = beside_implied(omega, A, B)
-    above = added_mass_from_damping(omega, B) - added_mass_from_damping(omega, B, tail=False)
-    tail = fit_tail(omega, B)
+    implied, tail = added_mass_from_damping(omega, B), fit_tail(omega, B)
+    above = implied - added_mass_from_damping(omega, B, tail=False)
     unsure = np.abs(above - np.median(above, axis=0)) / (1.0 - tail.share)
     unsure = np.where(~tail.fitted & (tail.share > 0.5), np.inf, unsure)
+    for first in range(0 if spiky else 2):
+        unsure[first::2] += np.abs(implied[first::2] - added_mass_from_damping(omega[first::2], B[first::2]))
     return np.asarray(omega[:, None, None] * np.maximum(np.abs(beside) - unsure, 0.0))

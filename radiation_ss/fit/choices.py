@@ -13,6 +13,7 @@ from radiation_ss.errors import InputError, SolverError
 from radiation_ss.fit.causal import not_causal, scales, together, wrong_values
 from radiation_ss.fit.problem import Problem, joint_error, symmetric
 from radiation_ss.fit.rational import Realisation, frequency_response
+from radiation_ss.hydro.band_end import beyond_band
 from radiation_ss.hydro.data import HydroData
 
 
@@ -106,7 +107,8 @@ class Suspect:
 
 def suspects_of(data: HydroData, tolerated: float = 0.03) -> tuple[Suspect, ...]:
     """Return spikes, samples that break Kramers-Kronig by `tolerated`, and those whose damping is negative."""
-    off, spike, lacking = not_causal(data), wrong_values(data) > 0.0, negative(data)
+    off, spike = np.maximum(not_causal(data), beginning(data)), wrong_values(data) > 0.0
+    lacking = negative(data)
     found = [Suspect("spike" if spike[k, i] or spike[k, j] else "not causal", data.dofs[i], data.dofs[j],
                      float(data.omega[k]), float(off[k, i, j]))
              for i, j in combinations_with_replacement(range(data.n), 2)
@@ -116,28 +118,39 @@ def suspects_of(data: HydroData, tolerated: float = 0.03) -> tuple[Suspect, ...]
     return tuple(sorted(found, key=lambda s: (s.omega, s.force, s.velocity)))
 
 
+def beginning(data: HydroData) -> FloatArray:
+    """Return the part of |K| that a resonance just above the band makes, over s_i s_j, (nw, n, n): of rank one."""
+    size = scales(data) ** 2
+    parts = np.stack([beyond_band(data.omega, data.K[:, i, i] / size[i])[1] for i in range(data.n)], axis=1)
+    return np.asarray(np.sqrt(parts[:, :, None] * parts[:, None, :]))
+
+
 def negative(data: HydroData, rounding: float = 1e-3) -> FloatArray:
     """Return by how much each B_ii is below zero, over s_i^2, (nw, n); 0 up to `rounding`."""
     low = np.maximum(-np.einsum("wii->wi", data.B) / scales(data) ** 2, 0.0)
     return np.asarray(np.where(low > rounding, low, 0.0))
 
 
-def weights_of(data: HydroData, tolerated: float = 0.03, least: float = 0.03, few: float = 0.2) -> FloatArray:
+def weights_of(data: HydroData, tolerated: float = 0.03, least: float = 0.03, few: float = 0.25) -> FloatArray:
     """Return weights of the squared misfits, shape (nw, n, n): 1, and less for what no causal, reciprocal body has.
 
     A sample that is off by z has 1 / (1 + (z / `tolerated`)^2). It is off by what breaks Kramers-Kronig, and samples in
     a row that do so share one error. A coupling is off by half of what it differs from its transpose: damping that a
     passive model must have to follow it would be put on the motions themselves. Negative damping is off by its size and
-    has `least` at least, so that what is round-off keeps its say in the added mass; more than `few` of the samples are
-    no outliers but the data, and count in full.
+    has `least` at least, so that what is round-off keeps its say in the added mass. Where less than `few` of the energy
+    of a motion's own samples would be left, or more than `few` of its damping is negative, they are no outliers but the
+    data, and count in full, without spikes.
     """
     skew = 0.5 * np.abs(data.K - np.swapaxes(data.K, 1, 2)) / np.outer(scales(data), scales(data))
-    wrong = not_causal(data)
+    wrong, calm = np.maximum(not_causal(data), beginning(data)), wrong_values(data) == 0.0
     weight = 1.0 / (1.0 + (skew**2 + together(wrong > tolerated) * wrong**2) / tolerated**2)
     for i, low in enumerate(negative(data).T):
+        own, energy = weight[:, i, i], np.abs(data.K[:, i, i]) ** 2 * calm[:, i]
+        if own @ energy < few * energy.sum():
+            weight[:, i, i] = own = np.where(calm[:, i], 1.0, own)
         if np.count_nonzero(low) <= few * low.size:
-            own = np.where(low > 0.0, np.maximum(1.0 / (1.0 + (low / tolerated) ** 2), least), 1.0)
-            weight[:, i, i] = np.minimum(weight[:, i, i], own)
+            shared = np.where(low > 0.0, np.maximum(1.0 / (1.0 + (low / tolerated) ** 2), least), 1.0)
+            weight[:, i, i] = np.minimum(own, shared)
     return weight
 
 
