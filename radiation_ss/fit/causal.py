@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 from radiation_ss.arrays import FloatArray
 from radiation_ss.fit.spikes import spikes
 from radiation_ss.hydro.data import RIGID, HydroData, body, mode, motion_unit
+from radiation_ss.hydro.narrow import nearby
 from radiation_ss.hydro.transforms import added_mass_from_damping, beside_implied, fit_tail
-
-FEWEST = 8  # frequencies of a band
 
 
 def scales(data: HydroData, silence: float = 1e-5) -> FloatArray:
@@ -48,21 +47,15 @@ def wrong_values(data: HydroData, causal: float = 0.5) -> FloatArray:
     """
     A, B = (np.einsum("wii->wi", part)[:, :, None] for part in (data.A, data.B))
     near, found = nearby(broken(data.omega, A, B, True), 2)[:, :, 0], np.zeros((data.omega.size, data.n))
-    for i in range(data.n if data.omega.size >= FEWEST else 0):
+    for i in range(data.n):
         K, off = data.K[:, i, i], found[:, i]
         while (size := np.abs(K[off == 0.0]).max(initial=0.0)) > 0.0:
             apart = size * spikes(data.omega, K / size)
             new = (off == 0.0) & (apart > 0.0) & (near[:, i] > causal * apart)
             off[new] = apart[new]
-            if not new.any() or np.count_nonzero(off == 0.0) < FEWEST:
+            if not new.any():
                 break
     return found
-
-
-def nearby(values: FloatArray, reach: int) -> FloatArray:
-    """Return the largest of values (nw, n, n) up to some samples to either side."""
-    padded = np.pad(values, [(reach, reach), (0, 0), (0, 0)])
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).max(axis=-1))
 
 
 def together(off: NDArray[np.bool_]) -> FloatArray:
@@ -73,14 +66,14 @@ def together(off: NDArray[np.bool_]) -> FloatArray:
     return np.maximum(after - before, 1).astype(np.float64)
 
 
-def broken(omega: FloatArray, A: FloatArray, B: FloatArray, spiky: bool = False) -> FloatArray:
-    """Return how much of each |K| breaks Kramers-Kronig, of the shape (nw, ..., ...) of A; 0 of too few samples.
+def broken(omega: FloatArray, A: FloatArray, B: FloatArray, spiky: bool = False, fewest: int = 8) -> FloatArray:
+    """Return how much of each |K| breaks Kramers-Kronig, of the shape (nw, ..., ...) of A; 0 of less than `fewest`.
 
     It is w |A - A_inf - what B implies| beyond what is unsure of that: what the damping above the band may add, by the
     share of all damping that lies there, everything where that is most of it and shows no decay; and, but for `spiky`
     data, the change by every second sample alone, large where a peak is as narrow as the steps.
     """
-    if omega.size < FEWEST:
+    if omega.size < fewest:
         return np.zeros_like(A)
     beside, _ = beside_implied(omega, A, B)
     implied, tail = added_mass_from_damping(omega, B), fit_tail(omega, B)

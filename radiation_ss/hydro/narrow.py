@@ -49,6 +49,12 @@ def narrow_features(omega: FloatArray, curves: FloatArray, width: float = 0.02, 
     return departure
 
 
+def nearby(values: FloatArray, reach: int) -> FloatArray:
+    """Return the largest of values (nw, ...) up to some samples to either side; 0 beyond the ends."""
+    padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)])
+    return np.asarray(sliding_window_view(padded, 2 * reach + 1, axis=0).max(axis=-1))
+
+
 def not_of_a_body(data: HydroData, rough: FloatArray, residual: FloatArray, smallest: FloatArray,
                   tolerance: float, causal: float = 0.3) -> FloatArray:
     """Return the narrow features (nw, n, n) that no causal, passive body has, 0 elsewhere.
@@ -56,8 +62,7 @@ def not_of_a_body(data: HydroData, rough: FloatArray, residual: FloatArray, smal
     Near them damping is negative, or the entry breaks Kramers-Kronig by `tolerance` and by a share `causal` of the
     feature: a body's own peak, however narrow, does not. Or they lie where irregular frequencies are.
     """
-    near = sliding_window_view(np.pad(np.abs(residual), [(2, 2), (0, 0), (0, 0)]), 5, axis=0).max(axis=-1)
-    negative = sliding_window_view(np.pad(-smallest, 2), 5).max(axis=-1) > tolerance
+    near, negative = nearby(np.abs(residual), 2), nearby(-smallest, 2) > tolerance
     low = _lowest_irregular(data)
     beyond = np.zeros(data.omega.size, dtype=bool) if low is None else data.omega > low
     return np.where(((near > tolerance) & (near > causal * rough)) | (negative | beyond)[:, None, None], rough, 0.0)
