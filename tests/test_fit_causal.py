@@ -48,3 +48,9 @@ def test_a_narrow_peak_of_the_body_is_none(width):
     fit = rss.fit_radiation(data, 4)
     assert not fit.suspects and fit.relative_error < 1e-3
     assert data.clean(spikes=True).omega.size == OMEGA.size
+
+
+def test_weights_of_ones_own_are_no_fault_of_the_data():
+    truth = data_of(*random_passive(4, 1, 0), omega=OMEGA)
+    fit = rss.fit_radiation(truth, 4, weight=np.where(OMEGA < 2.0, 1.0, 0.01))
+    assert not fit.suspects and not any("Kramers-Kronig" in note for note in fit.notes)

@@ -1,5 +1,6 @@
 """What a fit chooses: samples that count less, points that K can be met at, and the order, by held-out frequencies."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -105,16 +106,16 @@ class Suspect:
         return f"{self.kind} of {self.force}, {self.velocity} at {self.omega:.4g} rad/s ({self.size:.1%})"
 
 
-def suspects_of(data: HydroData, tolerated: float = 0.03) -> tuple[Suspect, ...]:
-    """Return spikes, samples that break Kramers-Kronig by `tolerated`, and those whose damping is negative."""
+def suspects_of(data: HydroData, weight: FloatArray, less: float = 0.5) -> tuple[Suspect, ...]:
+    """Return the samples of K that count `less` by their weights (nw, n, n) and are spikes, not causal, or negative."""
     off, spike = np.maximum(not_causal(data), beginning(data)), wrong_values(data) > 0.0
-    lacking = negative(data)
-    found = [Suspect("spike" if spike[k, i] or spike[k, j] else "not causal", data.dofs[i], data.dofs[j],
-                     float(data.omega[k]), float(off[k, i, j]))
-             for i, j in combinations_with_replacement(range(data.n), 2)
-             for k in np.flatnonzero(off[:, i, j] > tolerated)]
-    found += [Suspect("negative damping", data.dofs[i], data.dofs[i], float(data.omega[k]), float(lacking[k, i]))
-              for k, i in np.argwhere(lacking)]
+    lacking, found = negative(data), list[Suspect]()
+    for i, j in combinations_with_replacement(range(data.n), 2):
+        for k in np.flatnonzero(weight[:, i, j] < less):
+            low = lacking[k, i] if i == j else 0.0
+            kinds = {"spike" if spike[k, i] or spike[k, j] else "not causal": off[k, i, j], "negative damping": low}
+            found += [Suspect(kind, data.dofs[i], data.dofs[j], float(data.omega[k]), float(size))
+                      for kind, size in kinds.items() if size > 0.0]
     return tuple(sorted(found, key=lambda s: (s.omega, s.force, s.velocity)))
 
 
@@ -163,12 +164,12 @@ def nearest_possible(data: HydroData) -> ComplexArray:
     return np.asarray((lifted + 1j * K.imag) * np.where(np.isinf(pairs), 0.0, pairs))
 
 
-def left_out(data: HydroData, weight: FloatArray, error: float) -> Iterator[str]:
+def left_out(data: HydroData, weight: FloatArray, error: float, suspects: Sequence[Suspect]) -> Iterator[str]:
     """Say which motions have no states, which hardly count, and of what error more than half is in the data."""
     if silent := [dof for dof, scale in zip(data.dofs, scales(data)) if np.isinf(scale)]:
         yield f"{', '.join(silent)}: no radiation but numerical noise; left out of the model and its error"
-    few = np.median(np.einsum("wii->wi", np.broadcast_to(weight.T, data.K.T.shape).T), axis=0) < 0.5 * weight.max()
-    if wrong := [dof for dof, doubtful in zip(data.dofs, few) if doubtful]:
+    own = Counter(dof for dof, _ in {(s.force, s.omega) for s in suspects if s.force == s.velocity})
+    if wrong := [dof for dof in data.dofs if own[dof] > 0.5 * data.omega.size]:
         yield (f"{', '.join(wrong)}: more than half of the samples break Kramers-Kronig or have negative damping, and "
                "count less (see data.check())")
     least = joint_error(data, nearest_possible(data), weight)

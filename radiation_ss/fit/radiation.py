@@ -97,8 +97,8 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
     wanted = choices.points_within(points, data)
     if method == "quasi-newton" and wanted.size:
         raise InputError("points: method 'quasi-newton' cannot hold them; use method='casadi'")
-    suspects = choices.suspects_of(data) if weight is None else ()
     weights = choices.weights_of(data) if weight is None else _weights(weight, data)
+    suspects = choices.suspects_of(data, weights) if weight is None else ()
     blocks = blocks_of(data)
     if not blocks:
         raise InputError(f"{data.source or 'data'}: K is zero for {', '.join(data.dofs)}; there is nothing to fit")
@@ -130,7 +130,7 @@ def fit_radiation(data: "HydroData | ct.FrequencyResponseData", order: int | Non
         warnings.warn(f"{data.source or 'data'}: {skew}", InputWarning, stacklevel=2)
     error = joint_error(data, K, weights)
     return fitted.replace(relative_error=error, whole_error=joint_error(data, K), entry_error=entry_errors(data, K),
-                          notes=(*notes, *choices.left_out(data, weights, error)))
+                          notes=(*notes, *choices.left_out(data, weights, error, suspects)))
 
 
 def fitfrd(frd: "ct.FrequencyResponseData", order: int | None = None, *, poor: float = 0.1,
