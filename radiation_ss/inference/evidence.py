@@ -26,21 +26,32 @@ def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRule
                     present: Sequence[str]) -> Found:
     """Return sets of effects with their probabilities by trajectories, if all records are predicted by simulation.
 
-    The errors' standard deviations are, but for a factor, those that the equation error has found for its best set.
+    The errors' standard deviations are, but for a factor, those that the equation error has found for its best set;
+    where no set follows the motions with these, for the one that follows them best.
     """
     if not all(run.driven for run in found.problem.runs):
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}
-    try:
-        first = Trajectories(found.problem, best, tolerance, unexplained=True)
-    except InputError:  # steps too short to be made, by numbers that the equation error has found
-        return found
-    weighing = Weighing(found, tolerance, Proposing(found.terms, rules, fit.rival, present), fit, first)
-    proposed = [best, *(c for c in leaders.values() if c is not best)]
-    ranked = climbed(weighing, [Proposal(c) for c in proposed], known)
+    proposed, ranked = [best, *leaders.values()], list[Weighed]()
+    proposing = Proposing(found.terms, rules, fit.rival, present)
+    for _ in range(2):
+        try:
+            first = Trajectories(found.problem, proposed[0], tolerance, unexplained=True)
+        except InputError:  # steps too short to be made, by numbers that the equation error has found
+            break
+        proposals = [Proposal(c) for c in {c.keys: c for c in proposed}.values()]
+        ranked = climbed(Weighing(found, tolerance, proposing, fit, first), proposals, known)
+        if not ranked or follows(ranked, fit):
+            break
+        proposed = [known[w.candidate.keys] for w in ranked[: rules.width]]
     whole = replace(found, candidates=tuple(best_first(known)))
-    return averaged(whole, ranked, rules.slack) if ranked and ranked[0].noise.max() < fit.misfit else found
+    return averaged(whole, ranked, rules.slack) if follows(ranked, fit) else found
+
+
+def follows(ranked: Sequence[Weighed], fit: FitRules) -> bool:
+    """Whether the likeliest set follows the motions."""
+    return bool(ranked) and bool(ranked[0].noise.max() < fit.misfit)
 
 
 def climbed(weighing: Weighing, wanted: Sequence[Proposal], known: dict[Keys, Candidate]) -> list[Weighed]:
