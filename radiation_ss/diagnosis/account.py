@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammainccinv
-from scipy.stats import chi2
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
-from radiation_ss.diagnosis.prediction import Error, Predictor, energy, gap_of, without_slow
+from radiation_ss.diagnosis.prediction import Error, Predictor, energy, without_slow
 from radiation_ss.diagnosis.rules import Rules
 from radiation_ss.diagnosis.shares import Budget, Row, budget
 from radiation_ss.effects import Active
@@ -151,8 +150,6 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
     predictions["recalibrated"] = pair.errors(null.actives, unseen) or given
     predictions["corrected"] = predict(frozenset(range(len(causes))))
     noise = np.array([noise_level(problems, pair, error) for error in given])
-    if gap_of(predictions["corrected"]) > gap_of(given):  # by numbers that the records of the fit hardly tell
-        noise[:, 1] = np.sqrt(noise[:, 1] ** 2 + chi2.ppf(0.975, 1) * by_own_numbers(pair, unseen, len(given)))
     # A gap relative to a motion that its sensor cannot see is none.
     moving = {(run.record.name, int(i)) for each in problems for run in each.runs for i in np.flatnonzero(run.free)}
     seen = [k for k, (e, (sd, _)) in enumerate(zip(given, noise))
@@ -168,20 +165,6 @@ def account(found: Found, null: FittedSet, pair: Fitted, data: Data,
     block = 2.0 * 2.0 * np.pi / min(s.omega for s in problem.scales.values())
     return budget(causes, predict_seen, noise[seen], model.dofs, block, np.random.default_rng(data.seed),
                   sizes_of(model, data), slow), predictions
-
-
-def by_own_numbers(pair: Fitted, unseen: Sequence[Record], count: int) -> FloatArray:
-    """Return the mean square of what the spread of the model's own numbers makes of each prediction, (count,)."""
-    best, posterior, total = pair.best, pair.candidate.posterior, np.zeros(count)
-    own = len(best.nominal)
-    variances, directions = np.linalg.eigh(posterior.covariance[:own, :own])
-    base = pair.errors(best.actives, unseen)
-    for step in (np.sqrt(np.maximum(variances, 0.0)) * directions).T:
-        moved = [a.with_values([first(a) + float(x)]) for a, x in zip(best.nominal, step)]
-        errors = pair.errors((*moved, *best.effects), unseen)
-        if base is not None and errors is not None:
-            total += [np.mean((e.error - b.error) ** 2) for e, b in zip(errors, base)]
-    return total
 
 
 def grown(error: Error, times: float = 100.0) -> bool:

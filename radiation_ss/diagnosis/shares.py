@@ -66,8 +66,7 @@ class Budget(Brief):
         Gap beyond the most that noise may make in each record and degree of freedom, of the model as given or of the
         corrected one, whichever has less.
     grown : float
-        Share of the gap's energy by which the causes surely make it larger, with 97.5 % probability, and by more than
-        chance of the noise and of the numbers may.
+        Share of the gap's energy by which the causes surely make it larger, with 97.5 % probability.
     constant : mapping of dof to float
         Gap by errors that are constant in each record, beyond the most that noise may make.
     """
@@ -173,8 +172,7 @@ def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Seq
     predict : callable
         Errors on the unseen records with a set of causes put right.
     noise : array (errors, 2)
-        Standard deviation of the noise in each error of `predict`: as it is expected, and at most, with what the spread
-        of the fitted numbers may make.
+        Standard deviation of the noise in each error of `predict`: as it is expected, and at most.
     dofs : sequence of str
     block : float
         Length of a block for the intervals [s].
@@ -207,7 +205,6 @@ def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Seq
                             for i, j, total in zip(ends[:-1], ends[1:], size)])
     table = np.concatenate([parts, steady[None], (left - quiet)[None], quiet[None]])
     total = max(float(start.sum()), 1e-300)
-    chance = float(np.sum(most - size)) / total
     picks = rng.integers(0, start.size, (DRAWS, start.size))
     drawn = table[:, picks].sum(axis=2) / np.maximum(start[picks].sum(axis=1), 1e-300)
     low, high = np.quantile(drawn, [0.025, 0.975], axis=1)
@@ -223,4 +220,4 @@ def budget(causes: Sequence[Row], predict: Predict, noise: FloatArray, dofs: Seq
     return Budget(tuple(dict.fromkeys(e.record for e in first)), float(np.sqrt(start.sum())),
                   float(np.sqrt(end.sum())), float(np.sqrt(quiet.sum())), rows, by_record,
                   float(np.sqrt(np.maximum(rest - most, 0.0).sum())),
-                  float(max(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025) - chance, 0.0)), constant)
+                  max(float(np.quantile(-drawn[:len(parts)].sum(axis=0), 0.025)), 0.0), constant)
