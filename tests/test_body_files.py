@@ -70,6 +70,11 @@ def test_part_of_the_degrees_of_freedom(tmp_path):
     np.testing.assert_allclose(part.fit.frequency_response(omega),
                                model.fit.frequency_response(omega)[:, [2, 0]][:, :, [2, 0]])
     assert rss.read_model(tmp_path / "m.nc", order=2).fit.order == 2
+    model.fit.write(tmp_path / "fit.json")
+    given = rss.read_model(tmp_path / "m.nc", tmp_path / "fit.json", dofs=("Pitch", "Surge"))
+    np.testing.assert_allclose(given.fit.frequency_response(omega), part.fit.frequency_response(omega), rtol=1e-6)
+    with pytest.raises(rss.InputError, match="Heave"):
+        rss.read_model(tmp_path / "m.nc", part.fit, dofs=("Pitch", "Heave"))
 
 
 @pytest.mark.parametrize("content, words", [

@@ -47,8 +47,8 @@ def read_model(path: str | Path, fit: str | Path | RadiationFit | None = None, *
     path : path
         A Capytaine .nc (any file of `read_hydro` that carries M and C), or one of `Model.write`.
     fit : path or RadiationFit, optional
-        The radiation model, as a file of `RadiationFit.write`. Without it that of the file, if `Model.write` left one
-        there and no order is asked for; else it is fitted.
+        The radiation model, as a file of `RadiationFit.write`, of the degrees of freedom that are kept or of more.
+        Without it that of the file, if `Model.write` left one there and no order is asked for; else it is fitted.
     dofs : sequence of str, optional
         Degrees of freedom to keep; all if absent.
     order : int, optional
@@ -75,17 +75,17 @@ def model_of(data: HydroData, path: Path, fit: str | Path | RadiationFit | None,
              order: int | None, accuracy: float | None) -> Model:
     """Return the model of a file whose coefficients are read already; see `read_model`."""
     own = _own_part(path)
-    if isinstance(fit, str | Path):
-        fit = read_fit(fit)
+    known = read_fit(fit) if isinstance(fit, str | Path) else fit
     if own is not None and own["coefficients"] != _digest(data):
         data = data.replace(notes=(*data.notes, f"{path}: its coefficients were changed since the model was written; "
                                    "name, tolerances and radiation model of the file are not used"))
         own = None
-    ours = fit is None and own is not None and order is None
+    ours = known is None and own is not None and order is None
     if own is not None and ours:
-        kept: RadiationFit = own["fit"]
-        fit = kept if dofs is None else kept.select(listed(dofs))
-    model = from_hydro(data, fit, dofs, order, accuracy, {}, own=ours)
+        known = own["fit"]
+    if known is not None and dofs is not None and set(listed(dofs)) < set(known.dofs):
+        known = known.select(listed(dofs))
+    model = from_hydro(data, known, dofs, order, accuracy, {}, own=ours)
     return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
 
 
