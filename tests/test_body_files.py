@@ -77,6 +77,15 @@ def test_part_of_the_degrees_of_freedom(tmp_path):
         rss.read_model(tmp_path / "m.nc", part.fit, dofs=("Pitch", "Heave"))
 
 
+def test_all_degrees_of_freedom_in_another_order(tmp_path):
+    model, turned, omega = coupled_model(("Surge", "Heave", "Pitch"), 3), [2, 0, 1], np.geomspace(0.1, 3.0, 10)
+    model.write(tmp_path / "m.nc")
+    for fit in (None, model.fit):
+        found = rss.read_model(tmp_path / "m.nc", fit, dofs=("Pitch", "Surge", "Heave"))
+        np.testing.assert_allclose(found.fit.frequency_response(omega),
+                                   model.fit.frequency_response(omega)[:, turned][:, :, turned], rtol=1e-6)
+
+
 @pytest.mark.parametrize("content, words", [
     ("{", "damaged"), ("[]", "damaged"), ('{"schema": "x/9"}', "schema"), ("[" * 100000, "damaged")])
 def test_a_damaged_group_is_one_sentence(tmp_path, content, words):

@@ -83,7 +83,7 @@ def model_of(data: HydroData, path: Path, fit: str | Path | RadiationFit | None,
     ours = known is None and own is not None and order is None
     if own is not None and ours:
         known = own["fit"]
-    if known is not None and dofs is not None and set(listed(dofs)) < set(known.dofs):
+    if known is not None and dofs is not None and set(listed(dofs)) <= set(known.dofs):
         known = known.select(listed(dofs))
     model = from_hydro(data, known, dofs, order, accuracy, {}, own=ours)
     return model if own is None else model.replace(name=own["name"], tolerance=own["tolerance"])
