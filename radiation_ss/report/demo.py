@@ -152,7 +152,7 @@ def disturbed(model: Model, rng: np.random.Generator) -> Model:
                                 num * (1.0 + ERROR * rng.standard_normal(num.size)))
         wrong = RadiationFit(model.dofs, a, b, c, order=model.fit.order, A_inf=model.A_inf, method="disturbed")
         if wrong.stable and wrong.passive:
-            return model.replace(fit=wrong)
+            return model.replace(fit=wrong, hydro=None)  # its table is the truth
 
 
 def error_of(fit: RadiationFit, truth: RadiationFit) -> float:

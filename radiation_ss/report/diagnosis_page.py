@@ -175,9 +175,10 @@ def motion(found: Diagnosis, top: Axes, bottom: Axes) -> None:
     top.plot(before.time, before.measured, marker=mark, color=style.BLACK, label="measured")
     top.plot(before.time, before.measured - before.error, color=style.VERMILION, label="model as given")
     top.plot(after.time, after.measured - after.error, "--", color=style.BLUE, label="corrected model")
-    top.set_ylabel(f"{style.literal(dof)} {'' if before.quantity == 'displacement' else before.quantity} [{unit}]")
-    top.set_title(style.literal(f"{before.record}, unseen"), loc="left")
-    top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 0.99), fontsize=8)
+    quantity = "" if before.quantity == "displacement" else f" {before.quantity}"
+    top.set_ylabel(f"{style.literal(dof)}{quantity} [{unit}]")
+    top.set_title(style.literal(f"{before.record}, unseen"), loc="left", pad=20.0)
+    top.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=8)
     bottom.plot(before.time, before.error, marker=mark, color=style.VERMILION)
     bottom.plot(after.time, after.error, marker=mark, color=style.BLUE)
     bottom.set(ylabel=f"error [{unit}]", xlabel="number of the place" if before.static else "time [s]")
