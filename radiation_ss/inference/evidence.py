@@ -24,12 +24,13 @@ from radiation_ss.inference.weighing import Proposal, Weighed, Weighing, let_go
 
 def by_trajectories(found: Found, tolerance: dict[str, float], rules: SearchRules, fit: FitRules,
                     present: Sequence[str]) -> Found:
-    """Return sets of effects with their probabilities by trajectories, if all records are predicted by simulation.
+    """Return sets of effects with their probabilities by trajectories, if all free motions are simulated.
 
     The errors' standard deviations are, but for a factor, those that the equation error has found for its best set;
     where no set follows the motions with these, for the one that follows them best.
     """
-    if not all(run.driven for run in found.problem.runs):
+    runs = found.problem.runs
+    if not any(run.driven for run in runs) or not all(run.driven or run.prescribed for run in runs):
         return found
     known, best = {c.keys: c for c in found.candidates}, found.candidates[0]
     leaders = {len(c.keys): c for c in reversed(found.candidates) if len(c.keys) <= len(best.keys)}

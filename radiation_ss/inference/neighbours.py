@@ -120,6 +120,11 @@ def columns(trial: Trajectories, q: FloatArray, now: Normal, terms: Sequence[Ter
             slope += X.T @ now.errors[r]
             information += products(X, X, k)
             cross[at] += J.T @ X
+        for given, error, (J, at) in zip(trial.given, now.errors[len(kernels):], now.parts[len(kernels):]):
+            X = given.beside([terms[i] for i in some], trial.parameters(q)) / trial.noise[given.noise, None]
+            slope += X.T @ error
+            information += products(X, X, k)
+            cross[at] += J.T @ X
         lower = np.stack([(terms[i].columns.lower / terms[i].columns.spread)[:k] for i in some])
         yield Added(Score(tuple(some), slope.reshape(-1, k), information), cross, lower)
 

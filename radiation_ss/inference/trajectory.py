@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -22,6 +22,7 @@ from radiation_ss.inference.candidates import (
     scales_at,
     unseen_strengths,
 )
+from radiation_ss.inference.given_motion import GivenMotion
 from radiation_ss.inference.linear_model import Normal
 from radiation_ss.inference.motion_rows import weights_of_motion
 from radiation_ss.inference.problem import EquationError
@@ -40,7 +41,8 @@ class Trajectories:
 
     Effects with numbers of each record's own (slow forces) act as the equation error found them, and so do those of
     second sensors, which are not simulated. The unknowns are nominal numbers and effects' parameters, then of each
-    record its start, errors of its readings and of its force. `like`: of another set, whose weights and errors of
+    record its start, errors of its readings and of its force. Records whose motion is given stand behind the others,
+    by the rows of their equation. `like`: of another set, whose weights and errors of
     readings and forces are taken: sets are compared with the same ones. `unexplained`: whether forces that no effect
     explains move the body, too: numbers are those that predict without them. `zero`: prior standard deviation of a
     sensor's zero, of the motion's. `rough`: derivatives are taken in the longest steps that leave this share of the
@@ -48,6 +50,8 @@ class Trajectories:
     falls with the number of steps. `told`: information on an unknown, in units of its prior, below which a record
     tells nothing of it. InputError if effects set in so sharply that too many steps are needed.
     """
+
+    given: list[GivenMotion]
 
     def __init__(self, problem: EquationError, candidate: Candidate, tolerance: dict[str, float],
                  like: Trajectories | None = None, unexplained: bool = False,
@@ -91,18 +95,26 @@ class Trajectories:
             for r, p in zip(self.records, self.prepared)]
         self.forces = np.array([k for k, o in enumerate(own) if o.active.name.startswith("nominal_force")], dtype=int)
         self.forces_sd = np.array([problem.discrepancy.by_record * own[k].spread * scale for k in self.forces])
+        given = [r for r, run in enumerate(problem.runs) if run.prescribed]
+        known: Sequence[GivenMotion | None] = like.given if like else [None] * len(given)
+        self.given = [GivenMotion(problem, candidate, self.actives, r, self.tolerance, k) for r, k in zip(given, known)]
         counts = [s.shape[1] + a[0].shape[1] + self.forces.size for s, a in zip(self.starts, self.added)]
+        counts += [given.own.shape[1] for given in self.given]
         self.offsets = np.cumsum([self.free.size, *counts])
         # Of each record where its start's parts and its errors stand
         self.blocks = [blocks_of(parts, first, last)
-                       for parts, first, last in zip(begins, self.offsets[:-1], self.offsets[1:])]
+                       for parts, first, last in zip([*begins, *({} for _ in self.given)],
+                                                     self.offsets[:-1], self.offsets[1:])]
         self.size = int(self.offsets[-1])
         # The unknowns whose prior is a tolerance
-        self.tolerated = np.concatenate([self.free < len(own), *(np.arange(k) >= k - self.forces.size for k in counts)])
+        self.tolerated = np.concatenate([
+            self.free < len(own), *(np.arange(k) >= k - self.forces.size for k in counts[: len(self.records)]),
+            *(given.tolerated for given in self.given)])
         columns = problem.with_columns(term.columns for term in candidate.terms)
         self.weights: dict[Place, FloatArray] = (
             like.weights if like else weights_of_motion(problem, columns, candidate.posterior))
-        self.noise = np.ones(problem.model.n)  # what the errors' standard deviations are multiplied by
+        # What the errors' standard deviations are multiplied by, of simulated motions and then of given ones
+        self.noise = np.ones(2 * problem.model.n)
         self.told, self.telling = told, dict[int, np.ndarray]()  # of each record the unknowns that it tells, once known
 
     def _middle(self, candidate: Candidate) -> FloatArray:
@@ -144,10 +156,11 @@ class Trajectories:
     def tolerating(self, tolerance: float) -> Trajectories:
         """Return the same simulation with another log of the common factor of the tolerances."""
         return self.changed(tolerance=tolerance, sd=self.in_units_of(tolerance)[: self.free.size] * self.sd,
-                            forces_sd=float(np.exp(tolerance - self.tolerance)) * self.forces_sd)
+                            forces_sd=float(np.exp(tolerance - self.tolerance)) * self.forces_sd,
+                            given=[given.tolerating(tolerance) for given in self.given])
 
     def with_noise(self, noise: FloatArray) -> Trajectories:
-        """Return the same simulation with the errors' standard deviations of each motion multiplied by factors (n,)."""
+        """Return the same simulation with the errors' standard deviations multiplied by factors (2 n,), see `noise`."""
         return self.changed(noise=noise)
 
     def first_blocks(self, count: int) -> Trajectories:
@@ -229,6 +242,8 @@ class Trajectories:
         for k in range(len(self.records)):
             rows, at = self.derivatives(k, q)
             parts.append((rows, at))
+        parts += [self._given_derivatives(k, q) for k in range(len(self.given))]
+        for rows, at in parts:
             information[np.ix_(at, at)] += rows.T @ rows
         if not np.isfinite(information).all():
             raise SolverError("the derivatives of the motion grow without bounds")
@@ -252,7 +267,9 @@ class Trajectories:
             missed = [c.value - reading(self.rollout, motion, prepared.grid, c, p)[0] for c in prepared.channels]
             found.append(np.concatenate([weight * (on_rows(self.problem, place, miss[None])[0] - by @ q[errors])
                                          for (place, weight), miss, by in zip(self._placed(k), missed, added)]))
-        return found
+        p = self.parameters(q) if self.given else self.base
+        return found + [given.errors(p, q[self._own_of(k)]) / self.noise[given.noise]
+                        for k, given in enumerate(self.given)]
 
     def derivatives(self, k: int, q: FloatArray) -> tuple[FloatArray, np.ndarray]:
         """Return the derivatives of a record's weighted errors, less their sign, by some unknowns, and which."""
@@ -281,6 +298,17 @@ class Trajectories:
             self.telling[k], derivatives, at = np.flatnonzero(known), derivatives[:, kept], at[known]
         return derivatives, np.r_[at, errors]
 
+    def _given_derivatives(self, k: int, q: FloatArray) -> tuple[FloatArray, np.ndarray]:
+        """Return the same as `derivatives` of a record whose motion is given."""
+        given, own = self.given[k], self._own_of(k)
+        rows = np.hstack([given.derivatives(self.parameters(q), self.free, self.sd), given.added])
+        return rows / self.noise[given.noise, None], np.r_[0:self.free.size, own]
+
+    def _own_of(self, k: int) -> slice:
+        """Return where the own unknowns of a record stand whose motion is given."""
+        first = len(self.records) + k
+        return slice(self.offsets[first], self.offsets[first + 1])
+
     def _parts(self, k: int) -> tuple[slice, slice, slice]:
         """Return where the unknowns of a record stand: its start, errors of its readings, and of its force."""
         start = self.offsets[k] + self.starts[k].shape[1]
@@ -292,6 +320,15 @@ class Trajectories:
         p = self.parameters(q)
         p[self.forces] += self.forces_sd * q[self._parts(k)[2]]
         return p
+
+    def counted(self) -> Iterator[tuple[np.ndarray, FloatArray]]:
+        """Yield of each record the factor of the errors that each row has, and the power of its likelihood."""
+        for k, prepared in enumerate(self.prepared):
+            places = [self.places[self.records[k], c.dof] for c in prepared.channels]
+            yield (np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places]),
+                   np.concatenate([self.problem.rows.power[p.rows] for p in places]))
+        for given in self.given:
+            yield given.noise, given.power
 
     def _placed(self, k: int) -> list[tuple[Place, FloatArray]]:
         """Return the rows of each channel of a record, and their weights."""

@@ -163,14 +163,12 @@ def squares_of(trial: Trajectories, now: Normal) -> tuple[FloatArray, FloatArray
 
     And the numbers of rows, each of the power of its likelihood.
     """
-    covariance, power = np.linalg.inv(now.information), trial.problem.rows.power
+    covariance = np.linalg.inv(now.information)
     total, count = np.zeros((2, trial.noise.size))
-    for k, (error, (J, at)) in enumerate(zip(now.errors, now.parts)):
+    for error, (J, at), (factors, power) in zip(now.errors, now.parts, trial.counted()):
         square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
-        places = [trial.places[trial.records[k], c.dof] for c in trial.prepared[k].channels]
-        dofs = np.repeat([p.dof for p in places], [p.rows.stop - p.rows.start for p in places])
-        total += np.bincount(dofs, square, total.size)
-        count += np.bincount(dofs, np.concatenate([power[p.rows] for p in places]), total.size)
+        total += np.bincount(factors, square, total.size)
+        count += np.bincount(factors, power, total.size)
     return total * trial.noise**2, count
 
 
@@ -199,7 +197,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     """Return a candidate's numbers fitted by trajectories; those of the equation error where that fails.
 
     Levenberg's method with exact derivatives, which are kept as long as they serve, and physical bounds by projection,
-    at the most probable sizes. Records whose motion is prescribed are predicted by the equation error itself.
+    at the most probable sizes. Records whose motion is given are predicted by the equation error itself.
     """
     rules = replace(rules, gain=rules.last)
     fallback = from_regression(problem, candidate, tolerance)

@@ -233,8 +233,8 @@ class Weighing:
 
 
 def let_go(problem: EquationError) -> bool:
-    """Whether all records are decays: no force keeps the motion in phase."""
-    return all(run.record.kind == "decay" for run in problem.runs)
+    """Whether all free motions are decays: no force keeps them in phase."""
+    return all(run.record.kind == "decay" for run in problem.runs if not run.prescribed)
 
 
 def names(trial: Trajectories) -> list[Number]:
