@@ -121,6 +121,11 @@ class Factor:
         return np.asarray(cho_solve((self.lower, True), right / root) / root, dtype=np.float64)
 
 
+def covariance_of(now: Normal) -> FloatArray:
+    """Return the inverse of the information, whose diagonal no round-off makes negative."""
+    return Factor.of(now.information).solve(np.eye(now.information.shape[0]))
+
+
 def at_tolerance(trial: Trajectories, q: FloatArray, now: Normal,
                  tolerance: float) -> tuple[Factor, FloatArray, FloatArray]:
     """Return information and right side of linear theory at a factor of the tolerances, and the scale of unknowns."""
@@ -163,7 +168,7 @@ def squares_of(trial: Trajectories, now: Normal) -> tuple[FloatArray, FloatArray
 
     And the numbers of rows, each of the power of its likelihood.
     """
-    covariance = np.linalg.inv(now.information)
+    covariance = covariance_of(now)
     total, count = np.zeros((2, trial.noise.size))
     for error, (J, at), (factors, power) in zip(now.errors, now.parts, trial.counted()):
         square = error**2 + np.einsum("ij,jk,ik->i", J, covariance[np.ix_(at, at)], J, optimize=True)
@@ -220,7 +225,7 @@ def fit_trajectories(problem: EquationError, candidate: Candidate, tolerance: di
     if np.any(squares > rules.misfit**2 * count):
         return fallback
     try:
-        return numbers_at(trial, q, np.asarray(np.linalg.inv(now.information), dtype=np.float64))
+        return numbers_at(trial, q, covariance_of(now))
     except np.linalg.LinAlgError:
         return fallback
 

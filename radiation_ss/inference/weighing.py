@@ -18,7 +18,7 @@ from radiation_ss.inference.regression import solve
 from radiation_ss.inference.score import gains
 from radiation_ss.inference.search import Found, solve_set
 from radiation_ss.inference.trajectory import Trajectories
-from radiation_ss.inference.trajectory_fit import FitRules, likely_noise, log_noise, lowest, with_sizes
+from radiation_ss.inference.trajectory_fit import FitRules, covariance_of, likely_noise, log_noise, lowest, with_sizes
 
 Number = tuple[Key, str]
 """An effect on its places, and the name of one of its parameters."""
@@ -254,7 +254,7 @@ def log_within_bounds(trial: Trajectories, q: FloatArray, now: Normal) -> float:
     """Return the log probability that the effects' parameters are within their bounds, over that of the prior."""
     k = np.flatnonzero(~trial.tolerated[: trial.free.size])
     low, high = ((bound[k] - trial.mean[k]) / trial.sd[k] for bound in (trial.lower, trial.upper))
-    std = np.sqrt(np.maximum(np.diag(np.linalg.inv(now.information))[k], 1e-300))
+    std = np.sqrt(np.diag(covariance_of(now))[k])
     prior, posterior = norm.cdf(high) - norm.cdf(low), norm.cdf((high - q[k]) / std) - norm.cdf((low - q[k]) / std)
     return float(np.sum(np.log(np.maximum(posterior, 1e-3)) - np.log(np.maximum(prior, 1e-3))))
 
