@@ -130,6 +130,12 @@ class Effect:
         return timeless and (self.rate_free or acts)
 
     @property
+    def by_pace(self) -> bool:
+        """Whether it acts in a slow test as far as the body moves between its readings: damping without memory."""
+        damps = self.family == "damping" and self.force is not None and not (self.settled or self.states or self.needs)
+        return damps and self.scope == "dof"
+
+    @property
     def coupled(self) -> bool:
         """Whether it takes two degrees of freedom."""
         return self.scope in ("pair", "directed", "between")

@@ -1,7 +1,7 @@
 """What an effect adds to the equation of motion along a measured motion, for each unit of its strengths."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
@@ -59,10 +59,11 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
     effect, n, nt = active.effect, symbols.model.n, run.time.size
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
-    if not run.free[symbols.places].any() or (run.record.kind == "static" and not effect.settled):
+    slow = run.record.kind == "static" and not effect.settled
+    if not run.free[symbols.places].any() or (slow and not effect.by_pace):
         still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
         return [Feature(still[0], still[0], still[1], still[1], still[0])] * len(strengths)
-    rows = symbols.values(run)
+    rows = symbols.values(replace(run, v=run.pace) if slow else run)
     found = []
     for strength in strengths:
         force, reading = np.zeros((n, nt)), np.zeros((n, nt))

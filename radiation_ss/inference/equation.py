@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator, make_smoothing_spline
+from scipy.interpolate import PchipInterpolator
 from scipy.signal import fftconvolve
 
 from radiation_ss.arrays import FloatArray
@@ -183,9 +183,8 @@ def slow_columns(run: MeasuredMotion, i: int, damping: float, sd: float) -> list
     found, reached = [], run.v[i] != 0.0
     if np.any(reached) and not np.all(reached):  # from which side it was reached, and so what friction does, is unknown
         found.append(("arrival", 1.0 - reached, sd, 0))
-    if damping > 0.0 and run.time.size > 4 and run.paced:  # it may not have rested at its readings
-        pace = make_smoothing_spline(run.time, run.x[i]).derivative()(run.time)
-        found.append(("pace", pace, damping, 0))
+    if damping > 0.0 and np.any(run.pace[i]):
+        found.append(("pace", run.pace[i], damping, 0))
     return found
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
@@ -96,6 +97,13 @@ class MeasuredMotion:
     def paced(self) -> bool:
         """Whether velocities are rates; in a static test whose times are row numbers they are directions alone."""
         return self.record.kind != "static" or bool(np.any(np.diff(self.record.time) != 1.0))
+
+    @cached_property
+    def pace(self) -> FloatArray:
+        """Velocities of a slow test that may not have rested at its readings, (n, nt): 0 where no time is known."""
+        if not self.paced or self.time.size <= 4:
+            return np.zeros_like(self.x)
+        return np.stack([make_smoothing_spline(self.time, row).derivative()(self.time) for row in self.x])
 
     @property
     def driven_alone(self) -> bool:
