@@ -131,9 +131,10 @@ class Effect:
 
     @property
     def by_pace(self) -> bool:
-        """Whether it acts in a slow test as far as the body moves between its readings: damping without memory."""
-        damps = self.family == "damping" and self.force is not None and not (self.settled or self.states or self.needs)
-        return damps and self.scope == "dof"
+        """Whether it acts in a slow test as far as the body does not rest at its readings: damping, and clocks."""
+        damps = self.family == "damping" and self.force is not None and self.scope == "dof"
+        late = (self.clock_in is not None or self.clock_out is not None) and not self.per_record
+        return ((damps and not (self.states or self.needs)) or late) and not self.settled
 
     @property
     def coupled(self) -> bool:

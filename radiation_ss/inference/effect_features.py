@@ -60,7 +60,7 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
     values = np.array(active.vector)
     values[list(strengths)] = 0.0
     slow = run.record.kind == "static" and not effect.settled
-    if not run.free[symbols.places].any() or (slow and not effect.by_pace):
+    if not run.free[symbols.places].any() or (slow and not (effect.by_pace and run.paced)):
         still = np.zeros((n, nt)), np.zeros((omega.size, n, n), dtype=complex)
         return [Feature(still[0], still[0], still[1], still[1], still[0])] * len(strengths)
     rows = symbols.values(replace(run, v=run.pace) if slow else run)

@@ -160,8 +160,10 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
     """
     resolution = resolution or Resolution()
     still = record.kind == "static"
-    if still:  # its times say the order of the loads only
-        record = replace(record, time=record.time[0] + np.median(np.diff(record.time)) * np.arange(record.time.size))
+    if still:  # irregular times say the order of the loads only
+        steps = np.diff(record.time)
+        step = float(np.median(steps)) if np.ptp(steps) <= np.median(steps) else 1.0
+        record = replace(record, time=record.time[0] + step * np.arange(record.time.size))
     elif record.kind != "prescribed":
         record = measured_freely(model, record)[0]
     edge = unsure_edge(model, record)
