@@ -82,7 +82,7 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
                 response[:, place] += slope * (run.prescribed and np.any(run.force[place]))
         if effect.clock_in is not None and run.force is not None:
             shift, whole = symbols.clock("clock_in", rows, strength, active)
-            force[symbols.places] += shift * secant(run.time, run.force[symbols.places], whole)
+            force[symbols.places] += shift * moving_at(run, run.force[symbols.places], whole)
         if effect.output is not None:
             place = symbols.places[0]
             value, slope = symbols.scalar("output", place, rows, strength, values)
@@ -92,10 +92,11 @@ def along(symbols: "Symbols", active: Active, strengths: Sequence[int], run: Mea
             shift, whole = symbols.clock("clock_out", rows, strength, active)
             driving = run.force if run.driven_alone and effect.linear else None
             if driving is not None:
-                force[symbols.places] += shift * secant(run.time, driving[symbols.places], whole)
+                force[symbols.places] += shift * moving_at(run, driving[symbols.places], whole)
             for place in symbols.places if driving is None else ():  # its Jacobian's modulus is one: it turns phases
                 # The motion is what a late sensor will read; what others read late has been.
-                reading[place] += shift * secant(run.time, run.x[place], -whole if active.of_first_sensor else whole)
+                sign = -1.0 if active.of_first_sensor else 1.0
+                reading[place] += shift * moving_at(run, run.x[[place]], sign * whole)[0]
         first, others = float(active.of_first_sensor), float(active.of_other_sensors)
         found.append(Feature(force, first * reading, response, seen if first else 0.0j * seen, others * reading))
     return found
@@ -110,6 +111,14 @@ def ringing(symbols: "Symbols", active: Active, run: MeasuredMotion, sizes: Floa
         z, force = symbols.own_states(rows, values, run.steps[symbols.places[0]], begins), np.zeros_like(run.x)
         force[symbols.targets] = symbols.along(rows, strength, values, z)
         yield force
+
+
+def moving_at(run: MeasuredMotion, values: FloatArray, shift: FloatArray) -> FloatArray:
+    """Return the change of signals (k, nt) over a shift of time (nt,), for each second.
+
+    Of a slow test it is that of what is smooth: between two noisy readings there is less noise than in either.
+    """
+    return run.rates(values) if run.record.kind == "static" else secant(run.time, values, shift)
 
 
 def secant(time: FloatArray, values: FloatArray, shift: FloatArray) -> FloatArray:

@@ -101,9 +101,13 @@ class MeasuredMotion:
     @cached_property
     def pace(self) -> FloatArray:
         """Velocities of a slow test that may not have rested at its readings, (n, nt): 0 where no time is known."""
+        return self.rates(self.x)
+
+    def rates(self, values: FloatArray) -> FloatArray:
+        """Return the rates of signals (n, nt) of a slow test, see `pace`; of what is smooth of them."""
         if not self.paced or self.time.size <= 4:
-            return np.zeros_like(self.x)
-        return np.stack([make_smoothing_spline(self.time, row).derivative()(self.time) for row in self.x])
+            return np.zeros_like(values)
+        return np.stack([make_smoothing_spline(self.time, row).derivative()(self.time) for row in values])
 
     @property
     def driven_alone(self) -> bool:
