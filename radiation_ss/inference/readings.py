@@ -219,7 +219,7 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
     keeps the direction that it came from, as its dry friction does. A turn is what goes back by six standard
     deviations of the noise and by a hundredth of the range.
     """
-    least = max(6.0 * noise, 0.01 * float(np.ptp(values)))
+    least = least_turn(values, noise)
     way, at, ways, path = 0.0, float(values[0]), np.zeros(values.size), np.zeros(values.size)
     for k, value in enumerate(values.tolist()):
         if way * (value - at) > 0.0:
@@ -230,6 +230,29 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
     gone = np.abs(np.diff(path))
     pace = max(float(gone.sum()), 1e-300) / (dt * values.size)
     return ways * pace, gone / pace
+
+
+def stuck(values: FloatArray, load: FloatArray, stiffness: float, noise: float) -> np.ndarray:
+    """Return at which readings of a slow test the body stays where it was although its load goes back, (nt,).
+
+    What restores it by itself would have moved it twice as far as `slow_path` sees. Dry friction holds it there by any
+    force up to its own, so they say nothing of any law of place and direction.
+    """
+    least, found = least_turn(values, noise), np.zeros(values.size, dtype=bool)
+    way, at, top = 0.0, float(values[0]), float(load[0])
+    for k, (value, force) in enumerate(zip(values.tolist(), load.tolist())):
+        if way * (value - at) > 0.0:
+            at, top = value, force
+        elif abs(value - at) > least:
+            way, at, top = float(np.sign(value - at)), value, force
+        else:
+            found[k] = way * (top - force) > 2.0 * stiffness * least > 0.0
+    return found
+
+
+def least_turn(values: FloatArray, noise: float) -> float:
+    """Return by how much a position has to go back to be a turn of a slow test."""
+    return max(6.0 * noise, 0.01 * float(np.ptp(values)))
 
 
 def second_sensors(model: Model, record: Record, grid: Grid, found: list[tuple[int, FloatArray, FloatArray] | None],
