@@ -123,3 +123,30 @@ def test_a_load_in_another_unit_is_told_before_any_name(unit, newton, seed):
         assert f"force in {unit} is" in said and found.sentence.startswith(f"First check {said}")
     right = rss.diagnose(model, inclined(model, UP, lambda C, x: C * x, seed=seed))
     assert not right.misreadings and right.verdict.status == "no_gap" and "% of the force" in right.sentence
+
+
+@pytest.mark.parametrize("loads", [np.r_[0:301:50, 250:-301:-50, -250:1:50].astype(float),
+                                   np.r_[0:301:10, 290:-301:-10, -290:301:10].astype(float)])
+@pytest.mark.parametrize("friction", [20.0, 60.0])
+def test_places_where_friction_holds_the_body_while_its_load_turns_are_left_out_and_told(loads, friction):
+    """There friction is whatever the balance asks, up to its own: no law of the way holds."""
+    model = rss.body(dof="Heave", mass=1000.0, added_mass=0.0, C=2300.0, damping_ratio=0.02)
+    at, places = 0.0, []
+    for load in loads:
+        left = load - 2300.0 * at
+        at = at if abs(left) <= friction else (load - np.sign(left) * friction) / 2300.0
+        places.append(at)
+    seen = np.array(places) + 1e-3 * np.random.default_rng(1).standard_normal(loads.size)
+    record = rss.Record(np.arange(float(loads.size)), {"Heave": seen, "Heave_force": loads}, kind="static", name="pull")
+    found = rss.diagnose(model, record)
+    assert [e.name for e in found.verdict.effects] == ["coulomb_friction"]
+    value, std = found.verdict.effects[0].parameters["force"]
+    assert abs(value - friction) < 4.0 * std < 0.15 * friction
+    assert found.how_far.gap_after < 0.2 * found.how_far.gap_before
+    assert any("stays while its load turns" in note for note in found.notes)
+
+
+def test_a_body_that_only_springs_hold_is_nowhere_told_to_stay():
+    model, heel = rss.body(**SHIP), ORDERS["there and back"]
+    found = rss.diagnose(model, inclined(model, heel, lambda C, x: 1.1 * C * x), effects=["linear_stiffness"])
+    assert not any("stays while its load turns" in note for note in found.notes)

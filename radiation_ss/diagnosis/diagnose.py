@@ -28,6 +28,7 @@ from radiation_ss.inference.problem import EquationError
 from radiation_ss.inference.readings import moves, not_measured, unmoved
 from radiation_ss.inference.refined import searched
 from radiation_ss.inference.search import Found
+from radiation_ss.inference.slow_test import freely_placed
 from radiation_ss.methods import accepting
 from radiation_ss.parallel import on_one_core
 from radiation_ss.records.convert import as_records
@@ -158,10 +159,8 @@ def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list
     notes = [text for record in records for text in (
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
-        found, said = record, tuple[str, ...]()
-        if record.kind != "static":
-            clean = measured_driven if record.kind == "prescribed" else measured_freely
-            found, said = clean(model, record)
+        clean = {"prescribed": measured_driven, "static": freely_placed}.get(record.kind, measured_freely)
+        found, said = clean(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
         parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
         still = [part for part in parts if not moves(model, part)]

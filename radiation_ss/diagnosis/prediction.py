@@ -136,7 +136,9 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
         if active.effect.linear and active.effect.input is not None:
             told = told + value * np.diag(found.response[0].real)[:, None]
     true = truly(model, motion, np.asarray(np.linalg.inv(read), dtype=np.float64))
-    force = (model.M + model.A_inf) @ true.a + true.paced * model.D @ true.v + true.memory + model.C @ true.x
+    still = motion.record.kind == "static"
+    damping = model.D @ (true.pace if still else true.v)
+    force = (model.M + model.A_inf) @ true.a + damping + true.memory + model.C @ true.x
     force = force - radiation_left_out(model, true).force
     if np.any(off):
         force = force - needed_force(model, motion, np.asarray(np.linalg.solve(read, off), dtype=np.float64))
@@ -145,7 +147,7 @@ def force_errors(model: Model, actives: Sequence[Active], motion: MeasuredMotion
     error = (motion.force - force) / told
     # What the motion does beyond the record's ends reaches into the acceleration by half a test function.
     size = min(motion.basis[0].g.shape[1] // 2, motion.time.size // 8)
-    still, edge = motion.record.kind == "static", max(size, 1)
+    edge = max(size, 1)
     held = motion.x * np.diag(model.C)[:, None] if still else 0.0 * motion.x
     inner = np.arange(edge, motion.time.size - edge)
     known = np.flatnonzero(motion.basis[0].g.any(axis=0))

@@ -20,16 +20,14 @@ from radiation_ss.inference.readings import (
     gauged,
     integrated,
     known_force,
-    loads_known,
     not_measured,
     second_sensors,
     slow_motions,
-    slow_path,
     still_or_waves,
-    stuck,
     typical,
 )
 from radiation_ss.inference.sensor_noise import scatter
+from radiation_ss.inference.slow_test import loads_known, slow_path
 from radiation_ss.records.record import Record
 from radiation_ss.records.signals import bridged, unread, whole
 from radiation_ss.simulation.linear import left_over, radiation_states
@@ -222,10 +220,6 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
         x, v, a = smoothed(raw, dt, length, tops, omega if record.kind == "decay" else None)
         states, steps = radiation_states(model, raw, dt), np.broadcast_to(dt, (model.n, time.size - 1))
     force = known_force(model, record, grid)
-    if still and force is not None:
-        held = [stuck(raw[k], force[k], model.C[k, k], noise[k, 0]) for k in np.flatnonzero(free)]
-        told = np.any(basis[0].g, axis=0) & ~np.any(held, axis=0)
-        basis, noise = [samplewise(told)], noise[:, : int(told.sum())]
     transients = left_over(model, time, v) if not still else np.zeros((0, *raw.shape))
     lost = np.concatenate([slow_motions(f[0], raw, i, omega[i], dt) for i, f in enumerate(found) if f])
     extra = tuple(second_sensors(model, record, grid, found, omega, bins, resolution.white))

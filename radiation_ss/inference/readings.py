@@ -212,49 +212,6 @@ def clear_up_to(grid: Grid, found: tuple[int, FloatArray, FloatArray], omega: fl
     return min(least * 2.0 ** ((there[-1] + 1.0) / 3.0), highest) if there.size else least
 
 
-def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
-    """Return the rate of a slow test, and the time that each piece of its way takes at that rate [s].
-
-    The rate is the direction that the position last went, times the mean pace of its path: a body held after a step
-    keeps the direction that it came from, as its dry friction does. A turn is what goes back by six standard
-    deviations of the noise and by a hundredth of the range.
-    """
-    least = least_turn(values, noise)
-    way, at, ways, path = 0.0, float(values[0]), np.zeros(values.size), np.zeros(values.size)
-    for k, value in enumerate(values.tolist()):
-        if way * (value - at) > 0.0:
-            at = value
-        elif abs(value - at) > least:
-            way, at = float(np.sign(value - at)), value
-        ways[k], path[k] = way, at
-    gone = np.abs(np.diff(path))
-    pace = max(float(gone.sum()), 1e-300) / (dt * values.size)
-    return ways * pace, gone / pace
-
-
-def stuck(values: FloatArray, load: FloatArray, stiffness: float, noise: float) -> np.ndarray:
-    """Return at which readings of a slow test the body stays where it was although its load goes back, (nt,).
-
-    What restores it by itself would have moved it twice as far as `slow_path` sees. Dry friction holds it there by any
-    force up to its own, so they say nothing of any law of place and direction.
-    """
-    least, found = least_turn(values, noise), np.zeros(values.size, dtype=bool)
-    way, at, top = 0.0, float(values[0]), float(load[0])
-    for k, (value, force) in enumerate(zip(values.tolist(), load.tolist())):
-        if way * (value - at) > 0.0:
-            at, top = value, force
-        elif abs(value - at) > least:
-            way, at, top = float(np.sign(value - at)), value, force
-        else:
-            found[k] = way * (top - force) > 2.0 * stiffness * least > 0.0
-    return found
-
-
-def least_turn(values: FloatArray, noise: float) -> float:
-    """Return by how much a position has to go back to be a turn of a slow test."""
-    return max(6.0 * noise, 0.01 * float(np.ptp(values)))
-
-
 def second_sensors(model: Model, record: Record, grid: Grid, found: list[tuple[int, FloatArray, FloatArray] | None],
                    omega: FloatArray, at: FloatArray | None, white: float) -> list[Sensor]:
     """Return velocity and acceleration sensors beside a displacement whose noise is their own; see `Grid.noise`.
@@ -297,15 +254,6 @@ def known_force(model: Model, record: Record, grid: Grid) -> FloatArray | None:
     """Return the force on the grid: recorded, zero in a decay, from the elevation; None if it is unknown."""
     splines = exciting_force(model, record)
     return None if splines is None else np.stack([averaged(f(grid.even), grid.keep) for f in splines])
-
-
-def loads_known(model: Model, record: Record, grid: Grid) -> np.ndarray:
-    """Return which samples of a static test's grid have all of its loads, (nt,): the others tell the way only."""
-    force = record.get("force", model.dofs)
-    missing = np.zeros(record.time.size, dtype=bool)
-    for row in [] if force is None else force:
-        missing |= np.isfinite(row).any() & ~np.isfinite(row)
-    return averaged(np.interp(grid.even, record.time, missing.astype(float)), grid.keep) == 0.0
 
 
 def still_or_waves(model: Model, record: Record, grid: Grid) -> FloatArray:
