@@ -8,6 +8,7 @@ from scipy.interpolate import make_smoothing_spline
 
 from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
+from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.inference.grid import Grid, averaged, fewest
 from radiation_ss.inference.local_cosine import Block, blocks, samplewise, smooth
@@ -213,7 +214,9 @@ def measured_motion(model: Model, record: Record, resolution: Resolution | None 
                 tops[i] = clear_up_to(grid, f, omega[i], resolution.white, top)
     if still:
         states = np.zeros((model.fit.states, time.size))
-        v, steps = (np.stack(part) for part in zip(*(slow_path(row, dt, s[0]) for row, s in zip(raw, noise))))
+        v, steps = (np.stack(part) for part in zip(*(
+            slow_path(row, dt, s[0], natural_frequency(model, i) * (model.C[i, i] > 0.0))
+            for i, (row, s) in enumerate(zip(raw, noise)))))
         x = raw = followed(model, record, raw)
         a = np.zeros_like(raw)
     else:

@@ -21,12 +21,13 @@ def loads_known(model: Model, record: Record, grid: Grid) -> np.ndarray:
     return averaged(np.interp(grid.even, record.time, missing.astype(float)), grid.keep) == 0.0
 
 
-def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, FloatArray]:
+def slow_path(values: FloatArray, dt: float, noise: float, omega: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Return the rate of a slow test, and the time that each piece of its way takes at that rate [s].
 
-    The rate is the direction that the position last went, times the mean pace of its path: a body held after a step
-    keeps the direction that it came from, as its dry friction does. A turn is what goes back by six standard
-    deviations of the noise and by a hundredth of the range.
+    The rate is the direction that the position last went, times one speed: a body held after a step keeps the
+    direction that it came from, as its dry friction does. That has no speed of its own, so it is as in free motion, at
+    `omega` [rad/s]; of a body that nothing restores, 0, the mean pace of the path. A turn is what goes back by six
+    standard deviations of the noise and by a hundredth of the range.
     """
     least = least_turn(values, noise)
     way, at, ways, path = 0.0, float(values[0]), np.zeros(values.size), np.zeros(values.size)
@@ -37,8 +38,8 @@ def slow_path(values: FloatArray, dt: float, noise: float) -> tuple[FloatArray, 
             way, at = float(np.sign(value - at)), value
         ways[k], path[k] = way, at
     gone = np.abs(np.diff(path))
-    pace = max(float(gone.sum()), 1e-300) / (dt * values.size)
-    return ways * pace, gone / pace
+    pace = omega * float(np.std(values)) or float(gone.sum()) / (dt * values.size)
+    return ways * pace, gone / max(pace, 1e-300)
 
 
 def freely_placed(model: Model, record: Record) -> tuple[Record, tuple[str, ...]]:
