@@ -1,5 +1,7 @@
 """Errors of sensors that no model states, forces that set in late or follow the waves, and coefficients at odds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fit_systems import data_of, random_passive
@@ -101,6 +103,18 @@ def test_a_stretch_without_readings_is_neither_guessed_nor_joined(dragged, missi
     assert abs(value - 6.0) < 3.0 * std < 6.0
     assert second.budget.after < 2.0 * first.budget.after
     assert any("is not measured from" in note for note in second.notes) == (missing > 0.5)
+
+
+def test_a_record_whose_readings_are_all_too_short_is_left_out_and_said_beside_others(dragged):
+    whole, _ = dragged
+    period = 2.0 * np.pi / np.sqrt(8.0 / 3.0)
+    lost = whole.time % (2.0 * period) > 0.9 * period
+    torn = dataclasses.replace(whole, name="torn").with_channels(Heave=np.where(lost, np.nan, whole.channels["Heave"]))
+    found = rss.diagnose(heave(), [whole, torn], effects=["quadratic_drag"])
+    assert [e.name for e in found.verdict.effects] == ["quadratic_drag"]
+    assert any("torn" in note and note.endswith("it is left out.") for note in found.notes)
+    with pytest.raises(rss.InputError, match="no stretch without gaps"):
+        rss.diagnose(heave(), torn)
 
 
 def test_a_part_of_nothing_but_noise_is_left_out_and_said(dragged):

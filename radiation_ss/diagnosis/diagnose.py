@@ -154,18 +154,27 @@ def diagnose(model: Model, records: Sequence[Record] | Record,
 
 
 def cleaned(model: Model, records: Sequence[Record]) -> tuple[list[Record], list[str]]:
-    """Return the free motion in the records, without what is not measured, and a sentence on all that was left out."""
-    kept: list[Record] = []
+    """Return the free motion in the records, without what is not measured, and a sentence on all that was left out.
+
+    InputError if no record has a stretch without gaps that is long enough.
+    """
+    kept, refused = list[Record](), list[InputError]()
     notes = [text for record in records for text in (
         *(f"record {record.name}, {said}" for said in suspicions(record, stated=False)), *doubts(model, record))]
     for record in records:
         clean = {"prescribed": measured_driven, "static": freely_placed}.get(record.kind, measured_freely)
         found, said = clean(model, record)
         notes += [*said, *coarse_excitation(model, record), *drifting(model, record), *unmoved(model, record)]
-        parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
+        try:
+            parts, said_too = parted(model, found) if moves(model, found) else ([found], [])
+        except InputError as no_stretch:
+            parts, said_too = [], [f"{no_stretch}; it is left out."]
+            refused.append(no_stretch)
         still = [part for part in parts if not moves(model, part)]
         kept += [part for part in parts if part not in still]
         notes += [*said_too, *(f"Record {part.name} holds only noise and is left out." for part in still)]
+    if refused and not kept:
+        raise refused[0]
     return kept, notes
 
 
