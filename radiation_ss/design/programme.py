@@ -14,7 +14,8 @@ from radiation_ss.effects.definition import Active
 from radiation_ss.effects.nominal import natural_frequency
 from radiation_ss.errors import InputError
 from radiation_ss.hydro.data import motion_unit
-from radiation_ss.inference.effect_features import Symbols, features
+from radiation_ss.inference.effect_features import features
+from radiation_ss.inference.effect_symbols import Symbols
 from radiation_ss.inference.motion import MeasuredMotion, Resolution, measured_motion
 from radiation_ss.records.columns import QUANTITIES
 from radiation_ss.records.faults import drives

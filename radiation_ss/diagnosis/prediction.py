@@ -11,7 +11,8 @@ from radiation_ss.arrays import FloatArray
 from radiation_ss.body.model import Model
 from radiation_ss.effects import Active
 from radiation_ss.errors import InputError, SolverError
-from radiation_ss.inference.effect_features import Feature, Symbols, features
+from radiation_ss.inference.effect_features import Feature, features
+from radiation_ss.inference.effect_symbols import Symbols
 from radiation_ss.inference.equation import radiation_left_out
 from radiation_ss.inference.grid import averaged, fewest
 from radiation_ss.inference.motion import MeasuredMotion, measured_motion, with_waves

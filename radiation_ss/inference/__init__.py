@@ -3,7 +3,8 @@
 from radiation_ss.methods import door
 
 __getattr__, __all__ = door(__name__, {
-    "effect_features": "Symbols features",
+    "effect_features": "features",
+    "effect_symbols": "Symbols",
     "candidates": "terms_of unseen_strengths",
     "equation": "equation_error",
     "motion_rows": "compliance",

@@ -23,6 +23,8 @@ class GivenMotion:
     unknowns are taken.
     """
 
+    common: tuple[FloatArray, np.ndarray]  # Weighted own unknowns of any set, and which of them are tolerances
+
     def __init__(self, problem: EquationError, candidate: Candidate, actives: Sequence[Active], record: int,
                  tolerance: float, like: "GivenMotion | None" = None) -> None:
         self.problem, self.record, self.tolerance = problem, record, tolerance
@@ -30,29 +32,37 @@ class GivenMotion:
         self.rows = slice(mine[0].rows.start, mine[-1].rows.stop)
         self.dof = np.repeat([p.dof for p in mine], [p.rows.stop - p.rows.start for p in mine])
         self.noise, self.power = problem.model.n + self.dof, problem.rows.power[self.rows]
+
         terms = [term for term in candidate.terms if term.simulated]
-        own, ends = len(actives) - len(terms), np.cumsum([0, *(len(a.vector) for a in actives)])
-        self.terms = [(term, slice(i, j)) for term, i, j in zip(terms, ends[own:], ends[own + 1:])]
-        strengths = [[p.strength for p in a.effect.parameters.values()] for a in actives[own:]]
-        self.linear = np.flatnonzero(np.concatenate([np.ones(own, dtype=bool), *strengths]))
-        self.nominal, columns = own, problem.with_columns(term.columns for term in candidate.terms)
-        mean, held = candidate.posterior.mean, np.zeros(columns.count)  # what is not simulated acts as it was found
-        places = list(placed(problem, candidate.terms))
-        for term, at in places:
-            held[at] = 0.0 if term.simulated else mean[at]
-        self.known = problem.rows.error[self.rows] - columns.values[self.rows] @ held
-        changes = self._changes(columns)
-        self.unchanged = 1.0 - changes @ held
-        of_terms = [np.arange(at.start, at.start + len(term.strengths)) for term, at in places if term.simulated]
-        self.changes = changes[:, np.concatenate([np.arange(own), *of_terms])]
+        self.nominal, ends = len(actives) - len(terms), np.cumsum([0, *(len(a.vector) for a in actives)])
+        self.terms = [(t, slice(i, j)) for t, i, j in zip(terms, ends[self.nominal:], ends[self.nominal + 1:])]
+        strengths = [[p.strength for p in a.effect.parameters.values()] for a in actives[self.nominal:]]
+        self.linear = np.flatnonzero(np.concatenate([np.ones(self.nominal, dtype=bool), *strengths]))
         self.made = dict[tuple[Key, tuple[float, ...]], FloatArray]()  # Rows of effects at numbers of their shapes
+
+        columns, mean = problem.with_columns(term.columns for term in candidate.terms), candidate.posterior.mean
+        values, changes, held = columns.values[self.rows], self._changes(columns), np.zeros(columns.count)
+        numbers, begins = [np.arange(self.nominal)], [np.arange(0)]
+        for term, at in placed(problem, candidate.terms):
+            if term.simulated:
+                numbers.append(np.arange(at.start, at.start + len(term.strengths)))
+                begins.append(np.arange(at.start + len(term.strengths), at.stop))
+            else:  # acts as it was found
+                held[at] = mean[at]
+        self.known, self.unchanged = problem.rows.error[self.rows] - values @ held, 1.0 - changes @ held
+        self.changes = changes[:, np.concatenate(numbers)]
         if like is None:
             factor = 1.0 - changes @ mean
             noise, *forces = (part[self.rows] for part in variance(problem.rows, candidate.posterior.sizes))
             self.weight = factor * np.sqrt(self.power / (noise * factor**2 + sum(forces)))
-            self.own, self.tolerated = self._own(candidate)
         else:
-            self.weight, self.own, self.tolerated = like.weight, like.own, like.tolerated
+            self.weight = like.weight
+        self.common = self._own(candidate) if like is None else like.common
+        # What the effects' own states make that are not at rest when the record begins
+        states = values[:, np.concatenate(begins)] * columns.spread[np.concatenate(begins)] * self.weight[:, None]
+        states = states[:, np.any(states, axis=0)]
+        self.own = np.hstack([self.common[0], states])
+        self.tolerated = np.r_[self.common[1], np.zeros(states.shape[1], dtype=bool)]
 
     def tolerating(self, tolerance: float) -> "GivenMotion":
         """Return the same rows with another log of the common factor of the tolerances."""

@@ -12,7 +12,8 @@ from radiation_ss.body.dynamics import impedance
 from radiation_ss.body.model import Model
 from radiation_ss.effects.definition import Active, Scales
 from radiation_ss.effects.nominal import natural_frequency
-from radiation_ss.inference.effect_features import Feature, Symbols
+from radiation_ss.inference.effect_features import Feature
+from radiation_ss.inference.effect_symbols import Symbols
 from radiation_ss.inference.force_errors import typical_frequency
 from radiation_ss.inference.linear_model import Columns, Posterior, Rows, joined
 from radiation_ss.inference.local_cosine import projected_on
