@@ -93,29 +93,38 @@ def test_a_delay_is_told_however_large_it_is(late):
     assert abs(value - late) < 3.0 * std < 0.05  # s
 
 
-@pytest.mark.parametrize("channel, value, noise", [
-    ("Heave_acceleration", 0.0, 0.0), ("Heave_acceleration", 9.81, 0.0), ("Heave_acceleration", 0.0, 0.02),
-    ("Heave_velocity", 0.01, 0.0)])
-def test_a_dead_sensor_is_left_out(channel, value, noise):
-    """The diagnosis is that of the record without it."""
+DRAG_OR_DAMPING = ["quadratic_drag", "linear_damping"]
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    """A model, a decay of its body with drag, and the diagnosis of this displacement alone."""
     fit = rss.RadiationFit(("Heave",), [[-8.0, -60.0], [1.0, 0.0]], [[400.0], [0.0]], [[1.0, 0.0]], 2)
     model = rss.Model(("Heave",), [[50.0]], [[30.0]], [[3000.0]], fit)
     time = np.arange(0.0, 24.0, 0.05)
     motion = rss.simulate(model, (time, 0.0 * time[None]), [("quadratic_drag", {"coefficient": 400.0})],
                           start={"Heave": 0.1}).outputs[0]
-    channels = {"Heave": motion + 1e-4 * np.random.default_rng(0).standard_normal(time.size)}
-    names = ["quadratic_drag", "linear_damping"]
-    alone = rss.diagnose(model, rss.Record(time, channels, kind="decay"), names)
-    reading = value + noise * np.random.default_rng(1).standard_normal(time.size)
-    dead = rss.diagnose(model, rss.Record(time, {**channels, channel: reading}, kind="decay"), names)
+    record = rss.Record(time, {"Heave": motion + 1e-4 * np.random.default_rng(0).standard_normal(time.size)},
+                        kind="decay")
+    return model, record, rss.diagnose(model, record, DRAG_OR_DAMPING)
+
+
+@pytest.mark.parametrize("channel, value, noise", [
+    ("Heave_acceleration", 0.0, 0.0), ("Heave_acceleration", 9.81, 0.0), ("Heave_acceleration", 0.0, 0.02),
+    ("Heave_velocity", 0.01, 0.0)])
+def test_a_dead_sensor_is_left_out(dragged, channel, value, noise):
+    """The diagnosis is that of the record without it."""
+    model, record, alone = dragged
+    reading = value + noise * np.random.default_rng(1).standard_normal(record.time.size)
+    dead = rss.diagnose(model, record.with_channels(**{channel: reading}), DRAG_OR_DAMPING)
     assert dead.how_far.gap_before == pytest.approx(alone.how_far.gap_before, rel=1e-6)
     assert dead.verdict.probability == pytest.approx(alone.verdict.probability, rel=1e-6)
     assert any("dead sensor, left out" in note for note in dead.notes)
 
 
-@pytest.mark.parametrize("reading", [0.0, 0.3])
-def test_a_motion_whose_channel_is_dead_is_left_out(reading):
-    """The diagnosis is that of the record without it; the truth by scipy's integrator, where the other motion moves."""
+@pytest.fixture(scope="module")
+def heaving():
+    """A model of heave and pitch, channels without pitch of a body with drag by scipy, and their diagnosis."""
     M, C, D = np.array([[1400.0, 40.0], [40.0, 800.0]]), np.diag([30000.0, 15000.0]), np.diag([900.0, 400.0])
     rigid = rss.RadiationFit(("Heave", "Pitch"), np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), 0)
     model, time = rss.Model(("Heave", "Pitch"), 0.6 * M, 0.4 * M, C, rigid, D=D), np.arange(0.0, 40.0, 0.05)
@@ -129,9 +138,15 @@ def test_a_motion_whose_channel_is_dead_is_left_out(reading):
     heave = solve_ivp(rate, (0.0, 40.0), np.zeros(4), t_eval=time, rtol=1e-7, atol=1e-9).y[0]
     heave += 3e-4 * np.random.default_rng(0).standard_normal(time.size)
     channels = {"Heave": heave, "Heave_force": force[0], "Pitch_force": force[1]}
-    names = ["quadratic_drag", "linear_damping"]
-    alone = rss.diagnose(model, rss.Record(time, {**channels, "Pitch": np.full(time.size, np.nan)}), names)
-    dead = rss.diagnose(model, rss.Record(time, {**channels, "Pitch": np.full(time.size, reading)}), names)
+    missing = rss.Record(time, {**channels, "Pitch": np.full(time.size, np.nan)})
+    return model, time, channels, rss.diagnose(model, missing, DRAG_OR_DAMPING)
+
+
+@pytest.mark.parametrize("reading", [0.0, 0.3])
+def test_a_motion_whose_channel_is_dead_is_left_out(heaving, reading):
+    """The diagnosis is that of the record without it; the truth by scipy's integrator, where the other motion moves."""
+    model, time, channels, alone = heaving
+    dead = rss.diagnose(model, rss.Record(time, {**channels, "Pitch": np.full(time.size, reading)}), DRAG_OR_DAMPING)
     assert [e.name for e in dead.verdict.effects] == ["quadratic_drag"]
     assert dead.how_far.gap_before == pytest.approx(alone.how_far.gap_before, rel=1e-6)
     assert any("Pitch of record is constant" in note for note in dead.notes)
@@ -174,7 +189,7 @@ def test_what_all_sensors_of_a_motion_have_in_common_is_one_effect(cause, number
     """Pitch by displacement and velocity, both of them late or with a part of heave."""
     records = []
     for seed in range(3):
-        time, force, *motion, rng = driven_pair(seed)
+        time, force, *motion, rng = driven_pair(seed, count=800)
         channels = {"Heave_force": force[0], "Pitch_force": force[1]}
         for y, quantity in zip(motion, ("", "_velocity")):
             heave, pitch = y.T
