@@ -100,7 +100,7 @@ def test_one_of_two_motions_measured_in_a_record_that_begins_under_way(data, for
         1000.0 * body["A"][(slice(None), *pick)], 1000.0 * body["B"][(slice(None), *pick)], 1000.0 * body["Ainf"][pick],
         np.diag([130e3, 900e3]), np.diag([785e3, 1.5e6])))
     hydro = HydroData(body["w"], A, B, A_inf=A_inf, dofs=("Heave", "Pitch"), M=M, C=C)
-    start, dt, duration, covered = Model.from_hydro(hydro, order=4), 0.1, 200.0, []
+    start, dt, duration, covered = Model.from_hydro(hydro, order=2), 0.1, 200.0, []
     for seed in range(1):
         rng = np.random.default_rng(seed)
         w = 2.0 * np.pi / (8.0 * duration) * np.arange(1, round(8.0 * duration))

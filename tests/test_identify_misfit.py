@@ -210,10 +210,10 @@ def test_a_damper_that_the_model_lacks_is_no_radiation(kind, damper):
     assert np.std(drawn + at_resonance) < np.hypot(drawn.std(), at_resonance.std())  # what one takes the other leaves
 
 
-@pytest.mark.parametrize("damper", [0.0, 0.3])  # over the waves' own
-def test_a_hump_of_the_damping_is_told_from_a_damper_whatever_the_order_of_the_fit(data, damper):
+@pytest.mark.parametrize("damper, order", [(0.0, 8), (0.3, 4)])  # the damper over the waves' own
+def test_a_hump_of_the_damping_is_told_from_a_damper_whatever_the_order_of_the_fit(data, damper, order):
     """A published table and a quarter more damping about the natural frequency, causal, by Fourier series."""
-    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=8)
+    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=order)
     table, rng, count, dt = model.hydro, np.random.default_rng(3), 4000, 0.1
     omega, inertia, C = 2.0 * np.pi * np.fft.rfftfreq(count, dt)[1:], model.M[0, 0] + model.A_inf[0, 0], model.C[0, 0]
     natural, K, t = np.sqrt(C / inertia), table.K[:, 0, 0], np.linspace(0.0, 100.0, 4001)
@@ -240,10 +240,10 @@ def test_a_hump_of_the_damping_is_told_from_a_damper_whatever_the_order_of_the_f
     assert abs(row["mean"] - damper * B) <= 3.0 * row["std"] < 0.5 * B
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", some([1, 2]))
 def test_radiation_far_off_is_no_damper(data, seed):
     """The model's radiation is 1 / 1.6 of the body's, by Fourier series: four deviations of its prior."""
-    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=8)
+    model = rss.read_model(data / "bem" / "formats" / "sphere_capytaine.nc", dofs=["Heave"], order=4)
     table, rng, count, dt = model.hydro, np.random.default_rng(seed), 4000, 0.1
     omega, inertia, C = 2.0 * np.pi * np.fft.rfftfreq(count, dt)[1:], model.M[0, 0] + model.A_inf[0, 0], model.C[0, 0]
     natural, K = np.sqrt(C / inertia), 1.6 * table.K[:, 0, 0]
