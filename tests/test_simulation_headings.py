@@ -92,25 +92,24 @@ def test_what_is_identified_is_of_the_stated_direction():
     ahead = 0.2j * one.hydro.X * (one.hydro.omega / 5.0)[:, None, None] ** 2
     both = np.concatenate([ahead, one.hydro.X], axis=1)
     model = one.replace(hydro=one.hydro.replace(X=both, directions=[0.0, np.pi / 2.0]))
-    rng = np.random.default_rng(0)
+    rng, time = np.random.default_rng(0), np.arange(0.0, 30.0, 0.05)
     omega, phase = rng.uniform(3.0, 9.0, 80), rng.uniform(0.0, 2.0 * np.pi, 80)
-    waves = 2e-4 * np.cos(np.outer(TIME, omega) + phase).sum(axis=1)
-    motion = rss.simulate(one, rss.Record(TIME, {"wave_elevation": waves})).outputs[0]
-    heave = motion + 1e-2 * motion.std() * rng.standard_normal(TIME.size)
+    waves = 2e-4 * np.cos(np.outer(time, omega) + phase).sum(axis=1)
+    motion = rss.simulate(one, rss.Record(time, {"wave_elevation": waves})).outputs[0]
+    heave = motion + 1e-2 * motion.std() * rng.standard_normal(time.size)
     channels = {"Heave": heave, "wave_elevation": waves}
-    options = {"method": "prediction-error", "omega": [5.0], "draws": 20}
-    expected = rss.identify(one, rss.Record(TIME, channels), **options)
-    found = rss.identify(model, rss.Record(TIME, channels, meta={"heading": "90"}), **options)
+    options = {"method": "prediction-error", "omega": [5.0], "draws": 20, "most_laws": 0}
+    expected = rss.identify(one, rss.Record(time, channels), **options)
+    found = rss.identify(model, rss.Record(time, channels, meta={"heading": "90"}), **options)
     np.testing.assert_allclose(found.B.mean, expected.B.mean, rtol=1e-6)
     # By the motion alone a recorded force changes neither answer nor direction.
     options |= {"method": "spectral"}
-    force = {"Heave_force": np.cos(np.outer(TIME, omega) + phase).sum(axis=1)}
+    force = {"Heave_force": np.cos(np.outer(time, omega) + phase).sum(axis=1)}
     alone, beside, other = (
-        rss.identify(model, rss.Record(TIME, {"Heave": heave, **more}, meta={"heading": to}), **options)
+        rss.identify(model, rss.Record(time, {"Heave": heave, **more}, meta={"heading": to}), **options)
         for more, to in (({}, "90"), (force, "90"), (force, "0")))
     assert beside.B.mean == pytest.approx(alone.B.mean) and other.B.mean != pytest.approx(alone.B.mean, rel=1e-3)
     assert any("'prediction-error' uses them" in text for text in beside.warnings)
-
 
 
 def test_too_few_samples_are_not_another_body():
