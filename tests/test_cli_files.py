@@ -32,6 +32,7 @@ def folder(tmp_path_factory):
     heave = response.outputs[0] + 2e-5 * rng.standard_normal(time.size)
     write_record(Record(time, {"Heave": heave, "Heave_force": np.zeros(time.size)}, kind="decay", name="decay"),
                  place / "decay.csv")
+    write_record(read_record(place / "decay.csv").window(0.0, 5.0), place / "short.csv")
     return place
 
 
@@ -57,7 +58,8 @@ def test_fit_writes_a_passive_subsystem(folder, tmp_path, capsys):
 
 def test_a_plan_needs_no_record(folder, tmp_path, capsys):
     out = tmp_path / "plan"
-    words = ("plan", folder / "tank.nc", "--order", 3, "--amplitude", 0.04, "--tests", "decay", "waves", "--json")
+    words = ("plan", folder / "tank.nc", "--order", 3, "--amplitude", 0.04, "--tests", "decay", "waves", "--json",
+             "--effects", "quadratic_drag", "linear_damping", "cubic_stiffness")
     assert run(*words, "--out", out) == 0
     said = json.loads(capsys.readouterr().out)
     assert said == json.loads((out / "plan.json").read_text(encoding="utf-8")) and said["plan"]
@@ -85,7 +87,7 @@ def test_diagnosis_and_corrected_prediction(folder, tmp_path, capsys):
 
 
 def test_identification_from_a_decay(folder, tmp_path, capsys):
-    words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
+    words = ["identify", folder / "tank.nc", folder / "short.csv", "--method", "prediction-error", "--order", 3]
     assert run(*words, "--out", tmp_path, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "radiation_ss.identification/1" and found["dofs"] == ["Heave"]
@@ -220,7 +222,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(folder, tmp_path, capsys, m
         raise KeyboardInterrupt
 
     monkeypatch.setattr("radiation_ss.report.identification_files.coefficients", stopped)   # after identify.json
-    words = ["identify", folder / "tank.nc", folder / "decay.csv", "--method", "prediction-error", "--order", 3]
+    words = ["identify", folder / "tank.nc", folder / "short.csv", "--method", "prediction-error", "--order", 3]
     assert run(*words, "--out", tmp_path / "body") == 130
     assert capsys.readouterr().err.splitlines() == ["radiation-ss: interrupted; every output is as it was, or whole"]
     assert not list(tmp_path.iterdir())
