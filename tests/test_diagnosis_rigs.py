@@ -156,11 +156,13 @@ def test_a_catenary_of_the_users_own_lines_is_an_effect_to_consider():
 
     length, weight, depth, distance = 60.0, 20.0, 10.0, 57.0
 
-    def pull(apart):
+    def pull_of(apart):
         """Horizontal tension of an inextensible line of which a part lies on the bed."""
         return brentq(lambda H: length - np.sqrt(depth * (depth + 2 * H / weight))
                       + H / weight * np.arccosh(1 + weight * depth / H) - apart, 1.0, 1e6)
 
+    places = np.linspace(distance - 1.5, distance + 1.5, 601)
+    pull = CubicSpline(places, [pull_of(apart) for apart in places])
     time, rng = np.arange(0.0, 120.0, 0.1), np.random.default_rng(0)
 
     def decay(start, name):

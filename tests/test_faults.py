@@ -24,11 +24,15 @@ def test_a_file_is_there_whole_or_as_it_was(name, tmp_path):
         content.append(faults.content(tmp_path / str(version)))
     size = (tmp_path / "1" / name).stat().st_size
     ways = [(faults.killed_at, n) for n in range(1, 20)] + [(faults.killed_beyond, n) for n in (0, size // 2)]
+    ended = False
     for number, (kill, place) in enumerate(ways):
+        if kill is faults.killed_at and ended:
+            continue  # it has fewer operations: killed at a later one it runs to its end again
         folder = tmp_path / f"kill{number}"
         shutil.copytree(tmp_path / "0", folder)
-        _, wrong = faults.wrong_after_a_kill(lambda where: write(where, 1), folder, kill, place, *content)
+        killed, wrong = faults.wrong_after_a_kill(lambda where: write(where, 1), folder, kill, place, *content)
         assert wrong is None, (kill.__name__, place, wrong)
+        ended = not killed
     for limit in (0, size // 2):
         with faults.files_no_longer_than(limit):
             assert faults.wrong_on_a_full_disk(lambda where: write(where, 1), folder, name) is None
@@ -43,8 +47,10 @@ def test_what_is_killed_goes_on_to_the_same_bits(name, operations, tmp_path):
     for operation in operations:
         folder = tmp_path / str(operation)
         folder.mkdir()
-        _, wrong = faults.wrong_after_a_kill(job, folder, faults.killed_at, operation, {}, whole)
+        killed, wrong = faults.wrong_after_a_kill(job, folder, faults.killed_at, operation, {}, whole)
         assert wrong is None, (operation, wrong)
+        if not killed:
+            break  # it has fewer operations
 
 
 def test_a_folder_of_results_is_there_whole_or_as_it_was(tmp_path):

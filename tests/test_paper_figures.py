@@ -82,7 +82,7 @@ def test_sway_roll_without_a_constraint_is_worse_and_with_one_near_the_waves_bes
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_every_figure_runs_and_prints_the_papers_side(tank, script, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", [script.name, "--out", str(tmp_path), "--runs", "8", "--seeds", "2"])
+    monkeypatch.setattr(sys, "argv", [script.name, "--out", str(tmp_path), "--runs", "4", "--seeds", "1"])
     tank.options.cache_clear()
     runpy.run_path(str(script), run_name="__main__")
     assert "paper" in capsys.readouterr().out
