@@ -47,8 +47,11 @@ def in_balance(friction, cubic):
     return np.array(places)
 
 
-@pytest.mark.parametrize(("seed", "step"), [(0, 1.0), (1, 60.0)])
-def test_a_static_test_tells_the_stiffness_that_a_decay_alone_takes_for_friction(seed, step):
+RIVALS = ["coulomb_friction", "cubic_stiffness", "linear_stiffness", "quadratic_drag", "linear_damping", "hysteresis"]
+
+
+@pytest.mark.parametrize(("seed", "step", "effects"), [(0, 1.0, None), (1, 60.0, RIVALS)], ids=["library", "slow"])
+def test_a_static_test_tells_the_stiffness_that_a_decay_alone_takes_for_friction(seed, step, effects):
     """Two laws at once; numbers are those of both tests together, at whatever pace the places were read."""
     friction, cubic, rng, time = 60.0, 3000.0, np.random.default_rng(10 * seed), np.arange(0.0, 60.0, 0.05)
     extra = lambda x, v: -cubic * x**3 - friction * np.tanh(v / 1e-3)  # noqa: E731
@@ -56,7 +59,7 @@ def test_a_static_test_tells_the_stiffness_that_a_decay_alone_takes_for_friction
     decay = seen(time, moved(time, lambda t: 0.0, 0.5, extra), rng, "decay", name="decay")
     pull = seen(step * np.arange(LOADS.size), in_balance(friction, cubic), rng, "static", LOADS, "pull")
     later = seen(time, moved(time, lambda t: np.interp(t, time, waves), 0.0, extra), rng, "forced", waves, "waves")
-    found = rss.diagnose(body(), [decay, pull], withhold=[later])
+    found = rss.diagnose(body(), [decay, pull], effects, withhold=[later])
     assert found.verdict.status == "effect"
     assert {e.name: e for e in found.verdict.effects}.keys() == {"coulomb_friction", "cubic_stiffness"}
     for effect, name, true in zip(sorted(found.verdict.effects, key=lambda e: e.name), ("force", "stiffness"),
