@@ -480,7 +480,7 @@ def by_elevation(seed, error, X=lambda w: 8.0 * np.exp(-0.1 * w**2), column="wav
     model = rss.Model.from_hydro(data, fit=rss.fit_radiation(data, order=2))
 
     def sea(name):
-        time, w = np.arange(0.0, 250.0, 0.1), rng.uniform(0.8, 3.2, 60)
+        time, w = np.arange(0.0, 400.0, 0.1), rng.uniform(0.8, 3.2, 60)
         waves = 0.02 * (rng.normal(size=60) + 1j * rng.normal(size=60)) * np.exp(1j * np.outer(time, w))
         Z = 16.0 - w**2 * (model.M + model.A_inf)[0, 0] + 1j * w * model.fit.frequency_response(w)[:, 0, 0]
         heave = (waves @ ((X(w) + error(w)) / Z)).real

@@ -452,7 +452,7 @@ def test_a_simulated_record_without_noise_has_an_answer():
 def test_the_band_of_the_added_mass_holds_what_the_records_say_of_A_inf(share):
     start = tank()
     truth = start.replace(A_inf=(1.0 + share) * start.A_inf)
-    record, _ = sail(truth, 60.0, np.random.default_rng(0))
+    record, _ = sail(truth, 100.0, np.random.default_rng(0))
     omega = np.array([5.0, 7.0, 9.0])
     found = identify(start, record, "prediction-error", omega=omega, tolerance={"A_inf": 0.05, "mass": 0.01})
     A = truth.A_inf[0, 0] + truth.fit.frequency_response(omega)[:, 0, 0].imag / omega

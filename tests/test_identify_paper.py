@@ -14,7 +14,7 @@ from radiation_ss.errors import InputError
 def sailed():
     """Return the tank with its data and a record with all that the paper measures."""
     model = with_waves(tank())
-    record, _ = sail(model, 8.0, np.random.default_rng(0), dt=0.02, noise=0.0)
+    record, _ = sail(model, 15.0, np.random.default_rng(0), dt=0.02, noise=0.0)
     y = record.channels["Heave"]
     velocity = np.gradient(y, record.time)
     record = record.with_channels(Heave_velocity=velocity, Heave_acceleration=np.gradient(velocity, record.time))

@@ -107,7 +107,7 @@ def test_a_move_that_the_prior_thinks_impossible_is_named():
     start = tank()
     rng = np.random.default_rng(3)
     truth = drawn_truth(start, rng, prior=0.25)
-    record, _ = sail(truth, 30.0, rng)
+    record, _ = sail(truth, 60.0, rng)
     narrow = identify(start, record, "prediction-error", prior=0.02, omega=BAND, draws=200)
     assert any("contradict" in text or "the records ask for" in text for text in narrow.warnings)
     wide = identify(start, record, "prediction-error", prior=0.25, omega=BAND, draws=200)

@@ -263,10 +263,10 @@ def test_cautious_answer_has_the_least_expected_ratio_of_errors(spread):
 def test_two_peaked_sea_is_seen_and_mixed_in():
     start, rng = with_waves(tank()), np.random.default_rng([9001, 3])
     truth = drawn_truth(start, rng)
-    record, _ = sail(truth, 80.0, rng, with_force=False,
+    record, _ = sail(truth, 120.0, rng, with_force=False,
                      spectrum=lambda w: 0.5 * jonswap(w, 0.01, 1.35) + 0.5 * jonswap(w, 0.01, 0.85))
     assert identify(start, record, "spectral", omega=BAND).sea["record"]["two_systems"] > 0.5
-    plain, _ = sail(truth, 80.0, rng, with_force=False)
+    plain, _ = sail(truth, 120.0, rng, with_force=False)
     assert identify(start, plain, "spectral", omega=BAND).sea["record"]["two_systems"] < 0.5
 
 
